@@ -67,7 +67,7 @@ def test_tracks_are_where_targets_are_in_the_world() -> None:
         there = np.array(points[k]) + np.outer(one.time, velocities[k])
         np.testing.assert_allclose(one.position, there, rtol=0, atol=0.02)
         np.testing.assert_allclose(one.motion[-20:], np.tile(velocities[k], (20, 1)), rtol=0, atol=0.1)
-    # What is seen from the sensor stays so: ranges and range rates are those of the detections.
+    # Ranges and range rates of tracks equal the detections.
     fixed = min(tracks, key=lambda one: float(np.abs(one.motion[-1]).sum()))
     np.testing.assert_allclose(fixed.range[-1], frames[-1].range[0], rtol=0, atol=0.01)
     np.testing.assert_allclose(fixed.velocity[-1], frames[-1].velocity[0], rtol=0, atol=0.02)

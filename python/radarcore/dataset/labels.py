@@ -44,7 +44,7 @@ _OF_SEGMENTS = {
     "left_wrist": "left_hand",
     "right_wrist": "right_hand",
 }
-"""The segment whose origin, its upper joint, is the joint; the trunk has that of the pelvis."""
+"""The segment whose origin, its upper joint, is the joint; trunk and pelvis share one."""
 
 JOINTS = tuple(_OF_SEGMENTS)
 """Names of the joints in the order of the axis `joint`.

@@ -207,7 +207,7 @@ def _names(path: str, message: str) -> bool:
 
 
 def renamed(values: Any, name_of: Callable[[str, bool], str], key: str = "") -> Any:
-    """Tables with other names of files; the function gets a name, and whether it is that of a model of an arm."""
+    """Tables with other names of files; the function gets a name, and True for the model of an arm."""
     if isinstance(values, dict):
         # The options of a choice of names are names.
         keys = dict.fromkeys(values, key) if is_distribution(values) else {name: name for name in values}
@@ -315,5 +315,5 @@ def _value(value: object) -> str:
 
 
 def _string(text: str) -> str:
-    """Basic string; JSON writes all of its escapes but that of one control character."""
+    """Basic string; JSON writes all of its escapes but one, of a control character."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

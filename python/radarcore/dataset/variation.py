@@ -188,7 +188,7 @@ def _resolved(tables: dict[str, Any], pick: _Pick) -> tuple[dict[str, Any], dict
 
 
 def _found(value: Any, most_copies: int | None = None) -> Iterator[Varied]:
-    """All distributions, those of copies once for every copy that there may be, or for the first ones."""
+    """All distributions, in copies once for every copy that there may be, or for the first ones."""
     inner: Iterable[Any] = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     if isinstance(value, Varied):
         yield value

@@ -53,7 +53,7 @@ STALE = 0.1
 
 
 class SensorState(NamedTuple):
-    """Where a sensor is at a time, and how fast, in the world."""
+    """Pose and velocity of a sensor at a time, in the world."""
 
     pose: Matrix
     """``[rotation | position]``, (3, 4): sensor coordinates to the world."""

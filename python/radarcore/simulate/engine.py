@@ -129,7 +129,7 @@ def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
 
 
 def _takes_turns(radar: Radar) -> bool:
-    """True if ramps of some transmitters come after those of others."""
+    """True if some transmitters send their ramps after others."""
     return radar.schedule is not None and not radar.schedule.is_sum and len(radar.tx) > 1
 
 

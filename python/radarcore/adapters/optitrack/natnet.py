@@ -481,5 +481,5 @@ class _Reader:
         return tuple(read(part) for _ in range(count))
 
     def part(self) -> _Reader:
-        """What follows, alone if the version has its size in bytes."""
+        """The rest of the packet; its next section alone if the version has sizes in bytes."""
         return _Reader(self.take(self.number("i")), is_sized=True) if self._is_sized else self

@@ -274,7 +274,7 @@ class _Fitted(NamedTuple):
 
     @classmethod
     def none(cls, number: int) -> _Fitted:
-        """A wave per snapshot of which nothing is known."""
+        """A wave per snapshot, with nothing known."""
         sines, covariance = np.full((number, 2), np.nan), np.full((number, 2, 2), np.nan)
         return cls(sines, covariance, np.ones(number, dtype=bool), np.ones(number), np.arange(number))
 

@@ -28,7 +28,7 @@ _SMALL_STEP = 1e-8
 """Steps below this [grid points] are the last."""
 
 _AMBIGUOUS = 0.99
-"""Power of a grating lobe over that of the main lobe above which noise decides between them."""
+"""Power of a grating lobe over the main lobe; above it noise decides between them."""
 
 PLACES_OF_TWO = 4
 """Least number of channels at different places along an axis whose residual shows whether two waves fit."""
@@ -138,7 +138,7 @@ class Array:
         return forward
 
     def phases(self, sines: _Reals) -> _Reals:
-        """Phases that undo those of a wave, (..., channel)."""
+        """Phases that undo the phases of a wave, (..., channel)."""
         phases: _Reals = product(sines, self.across.T)
         return phases + self.forward(sines)[..., None] * self.x if self.x.any() else phases
 

@@ -24,7 +24,7 @@ class Bands:
     """Rows from the true velocity down to the echo of every transmitter, (tx,)."""
     num_bands: int
 
-    def apart(self, cells: NDArray[Any]) -> NDArray[Any]:
+    def separated(self, cells: NDArray[Any]) -> NDArray[Any]:
         """Map of every pair of antennas (tx * num_rx + rx, row, column), with its echoes at the true velocity."""
         return np.concatenate([np.roll(cells, shift, axis=1) for shift in self.shifts])
 

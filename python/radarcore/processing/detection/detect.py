@@ -265,7 +265,7 @@ def _map(
         cells = profiles.reshape(-1, 1, profiles.shape[-1])
     cells = cells[..., : layout.num_columns]
     if bands is not None:
-        cells = bands.apart(cells)
+        cells = bands.separated(cells)
     squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
     power = squares[:, ::2] + squares[:, 1::2]
     if settings.subtract_mean and layout.has_velocity:

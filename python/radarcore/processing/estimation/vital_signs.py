@@ -385,7 +385,7 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
     inner = amplitudes[1:-1]
     peaks = 1 + np.flatnonzero((inner > amplitudes[:-2]) & (inner >= amplitudes[2:]) & in_band[1:-1])
 
-    # Irregular breathing leaves skirts beside the harmonics: relative to them the order times those of the first.
+    # Irregular breathing leaves skirts beside the harmonics; relative to the harmonic they grow with its order.
     cells = np.abs(frequencies[peaks] - orders * breathing) * duration
     beside = np.abs(frequencies - breathing) <= width
     irregularity = np.minimum(orders * amplitudes[beside].max() / harmonics[0], 1.0)

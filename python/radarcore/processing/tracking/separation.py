@@ -65,7 +65,7 @@ class Separation:
 
     @property
     def is_safe(self) -> bool:
-        """Whether the distance is at least the required one."""
+        """True if the distance is at least the required one."""
         return self.margin >= 0.0
 
 
@@ -248,7 +248,7 @@ def _checked(robot: Sequence[Body]) -> list[Body]:
 
 
 def _links(robot: Sequence[Body], time: float) -> list[_Link]:
-    """The hulls of the links of a robot; those of one arm are placed together."""
+    """The hulls of the links of a robot; one arm's links are placed together."""
     arms: dict[int, tuple[Array, Array]] = {}
     links = []
     for body in robot:

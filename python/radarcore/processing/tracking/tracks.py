@@ -142,7 +142,7 @@ class TrackState(_Coordinates[float]):
 
     @property
     def is_stale(self) -> bool:
-        """Whether the newest update of the sensor's live motion is more than 0.1 s old: places may be off."""
+        """True if the newest update of the sensor's live motion is more than 0.1 s old: places may be off."""
         return self.sensor_age > STALE
 
     @cached_property
