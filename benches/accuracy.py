@@ -1,7 +1,7 @@
 """Error of whole frames against closed forms and dense integration, and what finer sampling costs.
 
     python benches/accuracy.py            print the tables
-    python benches/accuracy.py --write    also write docs/accuracy.md and docs/accuracy.png
+    python benches/accuracy.py --write    also write benches/results/accuracy.md, docs/accuracy.md and its picture
     python benches/accuracy.py --tiny     run everything once on few rays
 
 Real meshes need the extra `robots`: pip install radarcore[robots]. Without it their sections say so.
@@ -13,13 +13,13 @@ import argparse
 import io
 from itertools import product
 
-from page import ACCURACY as PAGE
-from page import machine, table
+from page import ACCURACY, DOCS, machine, table
 from proof import embree
 from proof.bounds import (
     DENSE,
     FACES,
     bound_rows,
+    default_bounds,
     flat_bounds,
     flat_lines,
     matt_bounds,
@@ -54,54 +54,80 @@ from proof.targets import (
 )
 from radarcore.models import robots
 
+PAGE = DOCS / "accuracy.md"
 PICTURE = PAGE.with_suffix(".png")
 
-PAGE_TEXT = """\
+SUMMARY_TEXT = """\
 # Accuracy
 
-Errors of radarcore frames against closed forms, exact surfaces and dense integration. Written by
-`python benches/accuracy.py --write`; {machine}.
+Written by `python benches/accuracy.py --write`; {machine}. [All tables](../benches/results/accuracy.md) have every
+target, [sampling](sampling.md) and view.
 
-The page compares three [samplings](sampling.md): `point`, one phasor per pixel as in Stetco et al. (ICRA 2020), but
-weighted by area; `footprint`, with a phase that varies over the footprint of a pixel; and `adaptive`, which refines
-cells of the image plane down to an `rcs_floor` or within a `ray_budget`. All numbers are sampling errors; mesh error is
-excluded.
-
-**At the default setting** the echoes of plates and discs are at most {flat_level} dB and {flat_phase} rad off their
-closed forms, and the echoes of spheres and a cylinder at most {curved_level} dB and {curved_phase} rad, at any of 64
-frequencies from 57 to 64 GHz and in any of six turns of the radar by fractions of a pixel. [Bounds](#bounds) has the
-errors of robots and people. The errors of the model itself are in the [last section](#limits-of-the-model).
+At the default setting, errors of plates and discs are at most {flat_level} dB and {flat_phase} rad. Errors of spheres
+and a cylinder are at most {curved_level} dB and {curved_phase} rad. This holds at 64 frequencies from 57 to 64 GHz and
+for six turns of the radar by fractions of a pixel. All numbers are sampling errors against physical optics; mesh error
+is excluded.
 
 ![Error against time, rays and settings]({picture})
 
+*Error of the range profile against run time, number of rays and setting: `point` (one phasor per pixel, weighted by
+area), `footprint` (linear phase over each pixel) and `adaptive` (the default). `point` converges only where a pixel is
+less than a wavelength deep.*
+
+## Bounds of the default setting
+
+{bounds}
+
+Worst and median over all targets of a kind. The script fails if the default setting misses a bound, and
+`tests/simulate` checks the bounds again. "Dense integration" sums tens of millions of rays over the same meshes. The
+error of a range profile is the l2 norm of the complex difference relative to the l2 norm of the profile.
+
+Other samplings miss some of their bounds:
+
+{unheld}
+
+## Limits of the model
+
+The numbers above are errors of the computation. Physical optics itself differs from a measurement:
+
+- **Diffraction**: edges diffract only as the rim of an aperture, and creeping waves are missing. Exact spheres differ
+  by about 1 / (2 k a), 1 % at a radius of 4 cm. Thin wires, bodies smaller than a few wavelengths, edges seen along
+  their face and shadow sides are not modelled.
+- **Transmission**: surfaces transmit nothing. Walls, clothes, covers and radomes occlude the scene behind them.
+- **Multipath**: all reflections of a path are specular. Diffuse scattering onto another surface is neglected.
+- **Meshes**: facets with a sagitta above 0.1 mm add phase error (`rc.mesh_report`). A collision mesh can be wrong by
+  several decibels in single peaks, at any sampling. At grazing incidence facets show even on fine meshes, because their
+  polygonal rims return an echo.
+"""
+
+PAGE_TEXT = """\
+# Accuracy: all tables
+
+Errors of radarcore frames against closed forms, exact surfaces and dense integration. Written by
+`python benches/accuracy.py --write`; {machine}. [Accuracy](../../docs/accuracy.md) is the summary.
+
+## Error within a time
+
 {times}
 
-Least error of the range profile [%] of a frame within a time: the first frame of a new simulator, whose tables are made
-first; later frames are faster ([performance](performance.md)). "default" is `Simulator(scene, radar)` with its field of
-view at 60 x 60 degrees.
+Least error of the range profile [%] of the first frame of a new simulator within a time. "default" is
+`Simulator(scene, radar)` with its field of view at 60 x 60 degrees. Times are for a frame of one chirp and 512 samples.
 
-The error of a range profile is the l2 norm of the complex difference over the l2 norm of the profile, 57 to 64 GHz,
-with a Hann window. The reference for sphere and plate is the closed form (rms over {single_turns} turns of the radar
-by fractions of a pixel; 81 920 triangles for the sphere), for arm and human a dense integration (rms over {aspects}
-views). "Rays" are the rays cast, without empty tiles of the image. Times are for a frame of one chirp and 512
-samples, without reuse of earlier frames. Above 100 % a profile has no relation to the scene.
-
-- Top: error against run time; below it, error against the number of rays.
-- `point` converges only where a pixel is less than a wavelength deep: from the start for a plate at normal incidence,
-  after millions of rays for curved bodies. The other samplings follow the phase and need tens of thousands of rays.
-- Bottom: error against the setting, `footprint` over pixels and `adaptive` over `rcs_floor`, down to the accuracy of
-  the mesh or of the dense integration.
+The error of a range profile is the l2 norm of the complex difference relative to the l2 norm of the profile, 57 to 64
+GHz, with a Hann window. Above 100 % a profile is unrelated to the scene. The reference for sphere and plate is the
+closed form (rms over {single_turns} turns of the radar by fractions of a pixel; 81 920 triangles for the sphere). The
+reference for arm and human is a dense integration (rms over {aspects} views).
 
 ## Flat surfaces
 
 {flat}
 
-Each row has {placements} random placements, 0.3 to 3 m away, with edges of 1 to 30 cm or radii of 1 to 15 cm. Boxes
-and partly hidden plates are tilted by up to 70 degrees. An error is the cross-section of the complex difference from
-the reference, at the distance of the target, mean over eight frequencies: median and worst placement. All bodies are
-static. "echo" is the median cross-section. Level and phase are the largest errors of echoes above {strong:g} m² at
-any frequency. "rays" and "paths" of the first frame and "ms", the CPU time of the second, are medians. The second
-frame reuses the rays of the first.
+Each row has {placements} random placements, 0.3 to 3 m away, with edges of 1 to 30 cm or radii of 1 to 15 cm. Boxes and
+partly hidden plates are tilted by up to 70 degrees. An error is the cross-section of the complex difference from the
+reference, at the distance of the target, mean over eight frequencies: median and worst placement. All bodies are
+static. "echo" is the median cross-section. Level and phase are the largest errors of echoes above {strong:g} m² at any
+frequency. "rays" and "paths" of the first frame and "ms", the CPU time of the second, are medians. The second frame
+reuses the rays of the first.
 
 Adaptive sampling integrates plates, and faces of boxes, along their outline, and adds a mirror image. Partly hidden
 plates are sampled by cells, as curved surfaces are. Largest errors by default, and in brackets at an `rcs_floor` of
@@ -113,8 +139,8 @@ plates are sampled by cells, as curved surfaces are. Largest errors by default, 
 
 {references}
 
-All of them are physical optics: what it lacks is in the [last section](#limits-of-the-model). They are in
-`benches/proof/`: `closed_forms.py`, `faces.py`, `exact.py`, `corners.py`, `targets.py`, `dense.py`.
+All of them are physical optics, with the [limits of that model](../../docs/accuracy.md#limits-of-the-model). They are
+in `benches/proof/`: `closed_forms.py`, `faces.py`, `exact.py`, `corners.py`, `targets.py`, `dense.py`.
 
 ## Bounds
 
@@ -122,21 +148,18 @@ All of them are physical optics: what it lacks is in the [last section](#limits-
 
 Bounds and measured errors: worst and median over the targets of a kind. The error of a single body is an rms over 64
 frequencies and six turns of the radar, or the largest of these ("any turn and frequency"). A real mesh has one error
-per view. The default setting has bounds that the tests hold: `test_closed_forms.py`, `test_flat_surfaces.py`,
-`test_exact_surfaces.py` and `test_accuracy_meshes.py` in `tests/simulate/`. The script fails if the default setting
-misses one. Other settings miss some ("no" in the last column):
-
-{unheld}
+per view. Tests hold the bounds of the default setting: `test_closed_forms.py`, `test_flat_surfaces.py`,
+`test_exact_surfaces.py` and `test_accuracy_meshes.py` in `tests/simulate/`.
 
 ## Specular targets
 
 {mirror}
 
 Errors of level and phase of the echo of the whole target, rms over 64 frequencies from 57 to 64 GHz and six turns of
-the radar by fractions of a pixel. "worst" is the rms of the worst turn, often the one where the target is symmetric
-on the pixel grid. "Pixels" is the side of the square image, 60 degrees wide unless stated otherwise, or the
-`rcs_floor` of adaptive sampling. "rays" and "paths" belong to the first turn. "cost" is the run time of a frame (one
-chirp of 64 samples, no reuse of earlier frames) relative to 256 x 256 footprints of the same target in the same run.
+the radar by fractions of a pixel. "worst" is the rms of the worst turn, often the one where the target is symmetric on
+the pixel grid. "Pixels" is the side of the square image, 60 degrees wide unless stated otherwise, or the `rcs_floor` of
+adaptive sampling. "rays" and "paths" belong to the first turn. "cost" is the run time of a frame (one chirp of 64
+samples, no reuse of earlier frames) relative to 256 x 256 footprints of the same target in the same run.
 
 Footprint errors shrink with the pixels; the staircase at the edges of plates is the last to vanish. `point` need not
 converge at all. Adaptive sampling integrates flat surfaces along their outline and puts rays where the phase of curved
@@ -150,28 +173,27 @@ follow the phase see an edge there.
 
 The wall should return nothing. Its level is relative to a mirror at the same distance, λ / (8 π d), rms over 57 to 64
 GHz and the turns, with the antenna gain exp(-(az² + el²) / 0.08) straight ahead; -inf means that no path is left. The
-edges of the tilted square do return an echo: its entry is the error, relative to the echo of the same square at
-normal incidence.
+edges of the tilted square do return an echo: its entry is the error, relative to the echo of the same square at normal
+incidence.
 
 ## Doppler
 
 {doppler}
 
 A sphere of 10 cm recedes at a constant 0.5 m/s from a distance of 1 m, over 128 chirps, with Hann windows. Each entry
-is the strongest Doppler line more than 16 bins from the peak, relative to the peak [dB], at the range of the peak;
-the side lobes of the window are at -76 dB there. A frame follows the points that it has sampled once. With a new cast
-per chirp, rays would hit other points every time, and sampling errors could appear as motion.
+is the strongest Doppler line more than 16 bins from the peak, relative to the peak [dB], at the range of the peak; the
+side lobes of the window are at -76 dB there. One frame samples its points once and moves them. A new cast per chirp
+hits other points every time, and sampling errors appear as motion.
 
 ## Corner reflectors
 
 {corners}
 
-Paths of two and three reflections at 60 GHz, from at most {corner_side} x {corner_side} rays in an image slightly
-wider than the corner; edges and legs are 10 cm. "rays" counts the rays of all reflections and of adaptive cells. At
-{far:g} m the references are far-field cross-sections. Near the radar, the reference of the triangular trihedral is
-its apparent cross-section with R to its apex: mirror images of the antenna and physical optics on the last plate,
-summed over points (`near_db` in `benches/proof/corners.py`), without rays. Rims of the plates before the last one
-diffract in neither.
+Paths of two and three reflections at 60 GHz, from at most {corner_side} x {corner_side} rays in an image slightly wider
+than the corner; edges and legs are 10 cm. "rays" counts the rays of all reflections and of adaptive cells. At {far:g} m
+the references are far-field cross-sections. Near the radar, the reference of the triangular trihedral is its apparent
+cross-section with R to its apex: mirror images of the antenna and physical optics on the last plate, summed over points
+(`near_db` in `benches/proof/corners.py`), without rays. Rims of the plates before the last one diffract in neither.
 
 {near}
 
@@ -179,10 +201,10 @@ Near the radar these rims matter. A scalar integral over all three plates (`inte
 cross-section, relative to the far field, than the mirror images and the frames. Neither is exact: the difference is the
 uncertainty of the model there.
 
-The last column of the upper table is the phase relative to the apex, for the dihedral up to its sign.
-Adaptive sampling casts its own rays for single reflections, and quarters the pixels of `footprint` for multiple ones.
-A dihedral turned by 45 degrees about the boresight returns {null:.0f} dB of its upright echo to vertically polarized
-antennas; in theory it returns nothing.
+The last column of the upper table is the phase relative to the apex, for the dihedral up to its sign. Adaptive sampling
+casts its own rays for single reflections, and quarters the pixels of `footprint` for multiple ones. A dihedral turned
+by 45 degrees about the boresight returns {null:.0f} dB of its upright echo to vertically polarized antennas; in theory
+it returns nothing.
 
 ## Real meshes
 
@@ -192,46 +214,29 @@ antennas; in theory it returns nothing.
 
 {surfaces}
 
-Meshes of three finenesses against the exact surface that they stand for: a capsule (radius 6 cm, length 40 cm) and a
-tube of the same size whose rims are rounded with 1 cm, at 1.2 m; a person of six ellipsoids, some of which shadow
-others, at 2.5 m. "reference's own" is the difference of the profiles with all and with two thirds of the nodes per
-axis. The rows of dense integration sum the same meshes over rays as those of real meshes do: what they are off is what
-the reference of a real mesh may be off.
+Meshes of three resolutions against the exact surface: a capsule (radius 6 cm, length 40 cm) and a tube of the same size
+whose rims are rounded with 1 cm, at 1.2 m; a person of six ellipsoids, some of which shadow others, at 2.5 m. "error of
+reference" is the difference between the profiles with all and with two thirds of the nodes per axis. The rows of dense
+integration use the method of the references for real meshes. Their error therefore estimates the error of those
+references.
 
 ## Diffuse targets
 
 {matt}
 
 Deviation from the mean power over all random phases, for albedo 1: of the sum of the powers of the paths, and of the
-power of the samples averaged over seeds, with its standard error. Adaptive sampling distributes diffuse points over
-the disc by area, with a density that grows as the floor falls. The first number shows the accuracy. One seed is one
-draw of an exponential distribution (speckle), as is a measurement of one diffuse surface, so the standard error of
-the second number falls only with the square root of the number of seeds.
+power of the samples averaged over seeds, with its standard error. Adaptive sampling distributes diffuse points over the
+disc by area, with a density that grows as the floor falls. The first number shows the accuracy. One seed is one draw of
+an exponential distribution (speckle), as is a measurement of one diffuse surface, so the standard error of the second
+number falls only with the square root of the number of seeds.
 
 ## Cross-sections
 
 {sections}
 
 `rc.rcs` at 60 GHz, along the normal, along the axis of the corner, or broadside. Edges, legs and radii are 10 cm; the
-cylinder has a length of 10 cm and a radius of 5 cm. Closed forms are those of geometrical and physical optics for
-electrically large targets. The rims of trihedrals are staircases of the rays.
-
-## Limits of the model
-
-Physical optics contains no edge diffraction beyond that of the aperture, and no creeping waves. Exact spheres differ
-by about 1 / (2 k a), 1 % at a radius of 4 cm. At 60 GHz a sphere of 10 cm with its centre at 1 m returns 2.2079e-5 by
-physical optics and 2.2088e-5 by exact electromagnetics, with a phase difference of 0.002 rad. For a thin wire, a
-sharp edge seen along its face, a body smaller than a few wavelengths, or the shadow side of a body, the numbers above
-tell how accurately the model is computed, and not how well it agrees with reality.
-
-Surfaces transmit nothing: walls, clothes, covers and radomes occlude the scene behind them, even thin slabs. All
-reflections of a path are specular: diffuse scattering onto another surface is neglected.
-
-Meshes are taken as they are. Facets with a sagitta above 0.1 mm add a phase of their own (`rc.mesh_report`), and the
-phase of a real object is meaningful as a change over time, not as an absolute number. A collision mesh, or one
-decimated for display, can be wrong by several decibels in single peaks; no sampling repairs that. At grazing
-incidence facets show even on fine meshes: their rims are polygons, which return an echo, while the limb of a smooth
-body returns none. All samplings but `point` and dense integration taper that echo.
+cylinder has a length of 10 cm and a radius of 5 cm. Closed forms are geometrical and physical optics for electrically
+large targets. The rims of trihedrals are staircases of the rays.
 """
 
 REFERENCES = [
@@ -243,51 +248,50 @@ REFERENCES = [
     [DENSE, "arm, human, room", "sum over tens of millions of rays", "distances to its smooth surfaces"],
     ["Lambert's law", "matt targets", "integrals over the solid angle", "nothing"],
 ]
-"""Whose the references are."""
+"""Rows of the table of references."""
 
 MESH_TEXT = """\
 {table}
 
 Targets: a UR10 (collision meshes, 5 862 triangles) in {aspects} postures, a human (109 000 triangles) at {aspects}
-headings, both as conductors, and both of them in a room of 5.2 x 4.4 x 2.6 m with walls that return 12 dB less,
-through a beam of 30 degrees, in {rooms} views. Each entry is the worst view, with the median of the views in
-brackets:
+headings, both as conductors, and both in a room of 5.2 x 4.4 x 2.6 m with walls that return 12 dB less, through a beam
+of 30 degrees, in {rooms} views. Each entry is the worst view, with the median of the views in brackets:
 
 - strongest: error of the level of the strongest peak;
 - peaks: rms error of the levels of all peaks within 30 dB of the strongest;
 - profile: relative error of the whole complex range profile;
-- floor: rms error in ranges between the nearest and the farthest surface where the profile is more than 40 dB below
-  its strongest peak, relative to that peak.
+- floor: rms error in ranges between the nearest and the farthest surface where the profile is more than 40 dB below its
+  strongest peak, relative to that peak.
 
 "rays" is the mean number cast, "ms" the median time of a frame of one chirp and 512 samples. The floor of the default
 follows the echo, and is 0.01 m² for strong ones; fast sampling has 0.1 m².
 
-Every view at the default setting, whose numbers the tests hold within 1.3 (`tests/simulate/test_accuracy_meshes.py`):
+Every view at the default setting. `tests/simulate/test_accuracy_meshes.py` holds these numbers within a factor of 1.3:
 
 {view_table}
 
-Every peak within 30 dB of the strongest, with the error of the default setting and that of the reference:
+Every peak within 30 dB of the strongest, with the errors of the default setting and of the reference:
 
 {peak_table}
 
-The reference is a dense integration of the same meshes, ours: its distances are those of depth images of radarcore, to
-the smooth surfaces that radarcore takes meshes for. It tests the sampling and the sum. {embree}
+The reference is our own dense integration of the same meshes. Its distances are radarcore depth images of the smooth
+surfaces behind the meshes. It tests the sampling and the sum. {embree}
 
-The integration is
-(j / 4π) Σ Γ √(G_t G_r) exp(-2jkR) dΩ over {million_rays:.0f} million rays per view, {pitch:g} mrad apart in each of
-{shifts} images, between which the radar turns by fractions of a pixel; rays to the walls are {wall_pitch:g} mrad
-apart. From the difference between two halves of the images, the error of the reference is about {own_alone:.1f} % for
-arm and human and {own_room:.1f} % for the room, in the worst view. The same integration of a sphere of 10 cm at 1 m
-is {sphere_fine:.1f} % off its closed form with {triangles_fine} triangles, and {sphere_usual:.1f} % off with the
-{triangles_usual} triangles of the default mesh. Most of that difference is the limb of the mesh. The integrations are
-kept in `benches/proof/real_meshes.npz`; `python benches/references.py` makes them again and compares.
+The integration is (j / 4π) Σ Γ √(G_t G_r) exp(-2jkR) dΩ over {million_rays:.0f} million rays per view, with a spacing
+of {pitch:g} mrad in each of {shifts} images, between which the radar turns by fractions of a pixel; the spacing of rays
+to the walls is {wall_pitch:g} mrad. From the difference between two halves of the images, the error of the reference is
+about {own_alone:.1f} % for arm and human and {own_room:.1f} % for the room, in the worst view. The same integration of
+a sphere of 10 cm at 1 m is {sphere_fine:.1f} % off its closed form with {triangles_fine} triangles, and
+{sphere_usual:.1f} % off with the {triangles_usual} triangles of the default mesh. Most of that difference is the limb
+of the mesh. The integrations are kept in `benches/proof/real_meshes.npz`; `python benches/references.py` makes them
+again and compares.
 """
 
 EMBREE_TEXT = """\
-The tracer has no part in it: with distances of Embree (embreex) to the facets as they are, range profiles of the first
-posture and the first heading differ by at most {tracer:.2f} % from those with ours to the same facets. The choice of
-the surface has: facets as they are give profiles that differ by {arm:.0f} % (arm) and {human:.0f} % (human) from those
-of the smooth surfaces. [Exact surfaces](#exact-surfaces) show what is right where that is known.
+The tracer hardly matters: with distances by Embree (embreex) to the same facets, range profiles of the first posture
+and the first heading change by at most {tracer:.2f} %. The choice of the surface matters: profiles of plain facets
+differ by {arm:.0f} % (arm) and {human:.0f} % (human) from profiles of the smooth surfaces. [Exact
+surfaces](#exact-surfaces) shows which is right.
 """
 
 
@@ -296,7 +300,7 @@ def thousands(number: int) -> str:
 
 
 def embree_text(run: Run) -> str:
-    """What Embree says of distances, or how to get it."""
+    """Comparison with distances by Embree, or how to install it."""
     if not embree.is_available():
         return embree.INSTALL_HINT[0].upper() + embree.INSTALL_HINT[1:]
     arm, human = tracer_checks(run)
@@ -307,7 +311,7 @@ def embree_text(run: Run) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Error of frames against closed forms and dense integration.")
     parser.add_argument("--tiny", action="store_true", help="once, on few rays")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.parent.name}/{PAGE.name} and the picture")
+    parser.add_argument("--write", action="store_true", help="write both pages and the picture")
     arguments = parser.parse_args()
     run = TINY if arguments.tiny else FULL
     texts: dict[str, str] = {}
@@ -338,7 +342,15 @@ def main() -> None:
     show("sections", table(columns, section_rows(run)))
 
     surfaces = list(surface_results(run))
-    columns = ["target", "triangles", "summed by", "strongest [dB]", "peaks [dB]", "profile [%]", "reference's own [%]"]
+    columns = [
+        "target",
+        "triangles",
+        "summed by",
+        "strongest [dB]",
+        "peaks [dB]",
+        "profile [%]",
+        "error of reference [%]",
+    ]
     show("surfaces", table(columns, surface_rows(surfaces)))
     meshes = list(mesh_results(run))
     if robots.is_available():
@@ -361,7 +373,7 @@ def main() -> None:
                 table=table(columns, mesh_rows(meshes)),
                 view_table=table(VIEW_COLUMNS, view_rows(meshes)),
                 peak_table=table(
-                    ["scene", "view", "range [m]", "level [dB]", "error [dB]", "reference's own [dB]"],
+                    ["scene", "view", "range [m]", "level [dB]", "error [dB]", "error of reference [dB]"],
                     peak_rows(meshes),
                 ),
                 embree=embree_text(run),
@@ -392,6 +404,7 @@ def main() -> None:
     ]
     columns = ["what", "quantity", "reference", "bound", "worst", "median", "held"]
     show("bounds", table(columns, bound_rows(bounds)))
+    default = table(columns[:-1], [row[:-1] for row in bound_rows(default_bounds(bounds))])
 
     largest = [bound for bound in bounds if bound.what.endswith("any turn and frequency")]
     points, image = [*single_points(run), *mesh_points(meshes)], io.BytesIO()
@@ -402,11 +415,18 @@ def main() -> None:
     drawn = points if run is FULL else [p for p in points if p.target == points[0].target]
     picture(drawn).savefig(image, dpi=100)
     if arguments.write:
-        PAGE.parent.mkdir(exist_ok=True)
         PICTURE.write_bytes(image.getvalue())
+        largest_of = {
+            f"{kind}_{quantity}": f"{max(bound.measured):.2g}"
+            for (kind, quantity), bound in zip(product(("flat", "curved"), ("level", "phase")), largest, strict=True)
+        }
+        unheld = "\n".join(unheld_lines(bounds))
+        summary = SUMMARY_TEXT.format(
+            machine=machine(), picture=PICTURE.name, bounds=default, unheld=unheld, **largest_of
+        )
+        PAGE.write_text(summary, encoding="utf-8")
         page = PAGE_TEXT.format(
             machine=machine(),
-            picture=PICTURE.name,
             single_turns=len(range(0, run.turns, 2)),
             aspects=run.aspects,
             placements=run.placements,
@@ -414,18 +434,11 @@ def main() -> None:
             flat_lines="\n".join(flat_lines()),
             corner_side=run.corner_side,
             far=FAR,
-            references=table(["reference", "of", "is", "has of radarcore"], REFERENCES),
+            references=table(["reference", "of", "is", "code shared with radarcore"], REFERENCES),
             null=null_db(run),
-            unheld="\n".join(unheld_lines(bounds)),
-            **{
-                f"{kind}_{quantity}": f"{max(bound.measured):.2g}"
-                for (kind, quantity), bound in zip(
-                    product(("flat", "curved"), ("level", "phase")), largest, strict=True
-                )
-            },
             **texts,
         )
-        PAGE.write_text(page, encoding="utf-8")
+        ACCURACY.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

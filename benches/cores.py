@@ -1,7 +1,7 @@
 """Speed-up of frames and recordings by threads.
 
 python benches/cores.py            print the table
-python benches/cores.py --write    also write the section of docs/performance.md
+python benches/cores.py --write    also write its section of benches/results/performance.md
 python benches/cores.py --tiny     a few frames on one and two threads
 """
 
@@ -51,7 +51,7 @@ def recorded(simulator: rc.Simulator, num_frames: int) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     parser.add_argument("--tiny", action="store_true", help="a few frames on one and two threads")
     options = parser.parse_args()
     num_frames, numbers = (2, [1, 2]) if options.tiny else (40, thread_numbers())

@@ -1,7 +1,7 @@
 """Run time of a frame, stage by stage: a person and an arm in a room, and ten boxes; and of one from a depth image.
 
 python benches/frame.py            print the tables
-python benches/frame.py --write    also write the section of docs/performance.md
+python benches/frame.py --write    also write its section of benches/results/performance.md
 python benches/frame.py --tiny     one frame each
 """
 
@@ -200,7 +200,7 @@ def rows(columns: list[Column]) -> list[list[str]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     parser.add_argument("--tiny", action="store_true", help="one frame each")
     options = parser.parse_args()
     num_frames = 1 if options.tiny else 60

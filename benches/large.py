@@ -1,7 +1,7 @@
 """Meshes of many triangles: time and memory to build them, and to cast an image of them.
 
 python benches/large.py            print the table: 1 and 10 million triangles, half a minute
-python benches/large.py --write    also write its section of docs/performance.md
+python benches/large.py --write    also write its section of benches/results/performance.md
 python benches/large.py --tiny     run everything once on few triangles
 """
 

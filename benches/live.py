@@ -1,7 +1,7 @@
 """Run time of a frame in a live loop at 40 Hz: an arm, a floor and a person whose poses come step by step.
 
 python benches/live.py            print the table
-python benches/live.py --write    also write the section of docs/performance.md
+python benches/live.py --write    also write its section of benches/results/performance.md
 python benches/live.py --tiny     a few frames
 """
 
@@ -135,7 +135,7 @@ def measure(settings: dict[str, Any], num_frames: int) -> dict[str, np.ndarray]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     parser.add_argument("--tiny", action="store_true", help="a few frames")
     options = parser.parse_args()
     num_frames = 2 if options.tiny else 200

@@ -1,4 +1,4 @@
-"""Texts that the benches write into the pages of docs/: tables, and sections between two comments."""
+"""Texts that the benches write into benches/results and docs: tables, and sections between two comments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 DOCS = Path(__file__).parent.parent / "docs"
-PERFORMANCE, ACCURACY = DOCS / "performance.md", DOCS / "accuracy.md"
+RESULTS = Path(__file__).parent / "results"
+PERFORMANCE, ACCURACY = RESULTS / "performance.md", RESULTS / "accuracy.md"
 
 
 def table(header: list[str], rows: Iterable[list[str]]) -> str:
@@ -28,7 +29,7 @@ def milliseconds(seconds: float) -> str:
 
 
 def machine() -> str:
-    """The instruction set that counts, and the number of cores."""
+    """The highest instruction set and the number of cores."""
     cpu = Path("/proc/cpuinfo")
     flags = cpu.read_text(encoding="utf-8") if cpu.exists() else ""
     instructions = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), None)
@@ -36,7 +37,7 @@ def machine() -> str:
 
 
 def write_section(page: Path, bench: str, text: str) -> None:
-    """Replace the section of a bench; what others wrote stays."""
+    """Replace the section of one bench."""
     page.write_text(with_section(page.read_text(encoding="utf-8"), bench, text), encoding="utf-8")
 
 

@@ -1,7 +1,7 @@
 """Error of the beat signal against run time: the NUFFTs, direct sums, and a public library of nonuniform FFTs.
 
     python benches/pareto.py            print the tables
-    python benches/pareto.py --write    also write docs/performance.md and docs/performance.png
+    python benches/pareto.py --write    also write its section of the results and the picture
     python benches/pareto.py --tiny     run everything once on few paths
 
 The library, finufft, is optional: `pip install finufft==2.5.1`.
@@ -29,7 +29,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 import radarcore as rc
-from page import PERFORMANCE, machine, milliseconds, table, write_section
+from page import DOCS, PERFORMANCE, machine, milliseconds, table, write_section
 from radarcore import _core
 from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
 
@@ -38,7 +38,7 @@ try:
 except ImportError:
     finufft = None
 
-PICTURE = PERFORMANCE.with_suffix(".png")
+PICTURE = DOCS / "performance.png"
 INSTALL_HINT = "finufft is not installed, its rows are left out: pip install finufft==2.5.1"
 
 PAGE_TEXT = """\
@@ -46,15 +46,15 @@ Error of the beat signal against run time, written by `python benches/pareto.py 
 
 {num_paths} paths, one channel, {machine}; one thread unless stated otherwise. Times are medians over {repeats} rounds
 in which the methods take turns, and include the call from Python with delays and amplitudes in memory. "auto" and
-"direct" are methods of `beat_signal`, see [synthesis](synthesis.md). "C f64" is an independent baseline for linear
-delays: a direct sum by phasor recurrences in forty lines of C (`benches/direct_sum.c`, `cc -O3 -march=native
+"direct" are methods of `beat_signal`, see [synthesis](../../docs/synthesis.md). "C f64" is an independent baseline for
+linear delays: a direct sum by phasor recurrences in forty lines of C (`benches/direct_sum.c`, `cc -O3 -march=native
 -ffast-math`). "× C" and "× direct" are speedups over these two: medians of the ratios of the rounds, not ratios of the
 medians beside them. On other machines times change more than ratios.
 
-Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
-the frame against eq. (1) with the exact delays of all paths.
+Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of the
+frame against eq. (1) with the exact delays of all paths.
 
-![Error against run time]({picture})
+![Error against run time](../../docs/{picture})
 
 ## Linear delays
 
@@ -71,9 +71,9 @@ two oversampling factors and of sorted or unsorted points. Times and ratios coun
 
 ## Real motion
 
-Delays and amplitudes (1/R²) follow the geometry. They are given at the Chebyshev nodes of the frame, and errors
-include the interpolation between nodes. Limbs of the walker reach 5 m/s, joints of the arm turn at 2 rad/s, fan
-blades of 0.15 m at 20 turns per second.
+Delays and amplitudes (1/R²) follow the geometry. They are given at the Chebyshev nodes of the frame, and errors include
+the interpolation between nodes. Limbs of the walker reach 5 m/s, joints of the arm turn at 2 rad/s, fan blades of 0.15
+m at 20 turns per second.
 
 {moving}
 
@@ -592,7 +592,7 @@ def draw(ax: Axes, methods: list[Method], style: str, **options: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Error of the beat signal against run time.")
     parser.add_argument("--tiny", action="store_true", help="once, on few paths")
-    parser.add_argument("--write", action="store_true", help="write docs/performance.md and the picture")
+    parser.add_argument("--write", action="store_true", help="write the section of the results and the picture")
     arguments = parser.parse_args()
     run = TINY if arguments.tiny else FULL
 

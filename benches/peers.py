@@ -1,7 +1,7 @@
 """Rays of images, as radarcore and public libraries cast them: distances compared first, then times.
 
     python benches/peers.py            print the tables
-    python benches/peers.py --write    also write their section of docs/performance.md
+    python benches/peers.py --write    also write its section of benches/results/performance.md
     python benches/peers.py --tiny     run everything once on few rays
 
 The libraries are optional; a line says what is missing and how to get it.
@@ -464,7 +464,7 @@ def build_row(name: str, mesh: Triangles, has_embree: bool, run: Run) -> list[st
 def main() -> None:
     parser = argparse.ArgumentParser(description="Rays of images beside public libraries.")
     parser.add_argument("--tiny", action="store_true", help="once, on few rays")
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     arguments = parser.parse_args()
     run = TINY if arguments.tiny else FULL
 

@@ -1,7 +1,7 @@
 """Gains of the core's methods to trace rays and to build trees: the Rust benches `trace` and `bvh`, as ratios.
 
 python benches/rays.py            print the tables: cargo bench several times, a quarter of an hour
-python benches/rays.py --write    also write their section of docs/performance.md
+python benches/rays.py --write    also write its section of benches/results/performance.md
 python benches/rays.py --tiny     run a few of the benches for a moment
 """
 

@@ -1,7 +1,7 @@
 """What frames cost without what they skip: empty tiles, copied tiles, directions outside of the beam.
 
 python benches/skips.py            print the table
-python benches/skips.py --write    also write the section of docs/performance.md
+python benches/skips.py --write    also write its section of benches/results/performance.md
 python benches/skips.py --tiny     one frame each
 """
 
@@ -51,7 +51,7 @@ def row(name: str, simulators: dict[str, rc.Simulator], expected: list[np.ndarra
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     parser.add_argument("--tiny", action="store_true", help="one frame each")
     options = parser.parse_args()
     num_frames = 1 if options.tiny else 40

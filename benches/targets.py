@@ -1,7 +1,7 @@
 """A ball and a plate at 20 m, the targets of RadarSimPy's own benchmark: error against closed forms, and run time.
 
 python benches/targets.py            print the table
-python benches/targets.py --write    also write the section of docs/performance.md
+python benches/targets.py --write    also write its section of benches/results/performance.md
 python benches/targets.py --tiny     one frame each
 """
 
@@ -77,7 +77,7 @@ def measure(mesh: rc.Mesh, num_frames: int) -> tuple[float, float, float, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     parser.add_argument("--tiny", action="store_true", help="one frame each")
     options = parser.parse_args()
     num_frames = 1 if options.tiny else 30

@@ -1,1 +1,1 @@
-"""The sections of docs/accuracy.md, one per file; benches/accuracy.py is their command."""
+"""The sections of benches/results/accuracy.md, one per file; benches/accuracy.py is their command."""

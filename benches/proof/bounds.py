@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import fill
 
 import numpy as np
@@ -183,6 +183,13 @@ def errors_of(results: list[ViewResult], way: Way, *, is_room: bool) -> list[Pro
         for row in result.sampled
         if row.way == way
     ]
+
+
+def default_bounds(bounds: list[Bound]) -> list[Bound]:
+    """Bounds of the default setting, named without it; of single bodies the largest errors alone."""
+    single = ("plates and discs", "spheres and cylinder")
+    chosen = [b for b in bounds if ", default, " in b.what and not b.what.endswith(single)]
+    return [replace(b, what=b.what.partition(", default, ")[2]) for b in chosen]
 
 
 def bound_rows(bounds: list[Bound]) -> Iterator[list[str]]:

@@ -447,8 +447,8 @@ def mesh_rows(results: list[ViewResult]) -> Iterator[list[str]]:
             ]
 
 
-PEAK_COLUMNS = ["scene", "view", "range [m]", "level [dB]", "error [dB]", "reference's own [dB]"]
-VIEW_COLUMNS = ["scene", "view", "strongest [dB]", "peaks [dB]", "profile [%]", "floor [dB]", "reference's own [%]"]
+PEAK_COLUMNS = ["scene", "view", "range [m]", "level [dB]", "error [dB]", "error of reference [dB]"]
+VIEW_COLUMNS = ["scene", "view", "strongest [dB]", "peaks [dB]", "profile [%]", "floor [dB]", "error of reference [%]"]
 
 
 def view_rows(results: list[ViewResult]) -> Iterator[list[str]]:

@@ -1,4 +1,4 @@
-"""A part of docs/accuracy.md: dense integration and its closed forms, all views of real meshes, and what is quiet."""
+"""Tables of benches/results/accuracy.md: dense integration, all views of real meshes, echoes that vanish."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact surfaces of docs/accuracy.md: quadratures against closed forms, and frames of meshes against both."""
+"""Exact surfaces of the accuracy tables: quadratures against closed forms, and frames of meshes against both."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def rcs(
     specular.
 
     Plates, spheres, cylinders and corners of 10 cm agree at 60 GHz with their closed forms within 0.12 dB, see
-    docs/accuracy.md, "Cross-sections".
+    benches/results/accuracy.md, "Cross-sections".
 
     Examples
     --------
