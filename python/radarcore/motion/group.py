@@ -10,6 +10,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.geometry.pose import Pose, as_pose, transforms
 from radarcore.geometry.rotation import Matrix
 from radarcore.motion.linear import Linear, together
@@ -18,6 +19,7 @@ from radarcore.motion.protocol import (
     LinkMotion,
     Links,
     Motion,
+    SensorState,
     as_motion,
     factors_of,
     latest_update,
@@ -37,8 +39,8 @@ class Group(Protocol):
         """``[rotation | position]`` at times (n,) [s], (n, member, 3, 4); (1, member, 3, 4) if all are equal."""
         ...
 
-    def rates_at(self, times: Matrix) -> Matrix:
-        """Time derivatives of `poses_at`."""
+    def poses_and_rates_at(self, times: Matrix) -> ArrayLike:
+        """`poses_at` and their time derivatives, (2, n, member, 3, 4)."""
         ...
 
 
@@ -51,8 +53,8 @@ class _Still:
     def poses_at(self, _: Matrix) -> Matrix:
         return self._poses
 
-    def rates_at(self, _: Matrix) -> Matrix:
-        return np.zeros_like(self._poses)
+    def poses_and_rates_at(self, _: Matrix) -> ArrayLike:
+        return [self._poses, np.zeros_like(self._poses)]
 
 
 class _Linked:
@@ -64,8 +66,8 @@ class _Linked:
     def poses_at(self, times: Matrix) -> Matrix:
         return self._links.link_poses_at(times)[:, self._members]
 
-    def rates_at(self, times: Matrix) -> Matrix:
-        return self._links.link_rates_at(times)[:, self._members]
+    def poses_and_rates_at(self, times: Matrix) -> ArrayLike:
+        return self._links.link_poses_and_rates_at(times)[:, :, self._members]
 
 
 class _Single:
@@ -77,11 +79,13 @@ class _Single:
     def poses_at(self, times: Matrix) -> Matrix:
         return poses_at(self._motion, times)[:, None]
 
-    def rates_at(self, times: Matrix) -> Matrix:
+    def poses_and_rates_at(self, times: Matrix) -> ArrayLike:
         together = getattr(self._motion, "rates_at", None)
-        if together is not None:
-            return cast(Matrix, together(times))[:, None]
-        return np.array([self._motion.rate_at(time) for time in times.tolist()]).reshape(-1, 1, 3, 4)
+        if together is None:
+            rates = [check.array("rate_at", self._motion.rate_at(time), (3, 4)) for time in times.tolist()]
+        else:
+            rates = together(times)
+        return [self.poses_at(times), np.reshape(rates, (-1, 1, 3, 4))]
 
 
 class Motions:
@@ -118,35 +122,38 @@ class Motions:
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4): body coordinates to the world."""
-        return self._poses(times)[:, self._wanted]
-
-    def rates_at(self, times: Matrix) -> Matrix:
-        """Time derivatives of `poses_at`."""
-        return self._rates(times, self._poses(times) if self._composed else None)[:, self._wanted]
-
-    def poses_and_rates_at(self, times: Matrix) -> tuple[Matrix, Matrix]:
-        """`poses_at` and `rates_at` in one evaluation."""
-        poses = self._poses(times)
-        return poses[:, self._wanted], self._rates(times, poses)[:, self._wanted]
-
-    def _poses(self, times: Matrix) -> Matrix:
-        """Poses of the motions and of the factors of products, (n, evaluated, 3, 4)."""
         poses = np.empty((len(times), self._num_evaluated, 3, 4))
         for group, numbers in self._groups:
             poses[:, numbers] = group.poses_at(times)
         for number, motion, factors in self._composed:
             poses[:, number] = motion.poses_of(*(poses[:, factor] for factor in factors))
-        return poses
+        return poses[:, self._wanted]
 
-    def _rates(self, times: Matrix, poses: Matrix | None) -> Matrix:
-        """Time derivatives of `_poses`, which composed motions need."""
-        rates = np.empty((len(times), self._num_evaluated, 3, 4))
-        for group, numbers in self._groups:
-            rates[:, numbers] = group.rates_at(times)
-        for number, motion, factors in self._composed:
-            assert poses is not None  # they are given
-            rates[:, number] = motion.rates_of(*(values[:, factor] for values in (poses, rates) for factor in factors))
+    def rates_at(self, times: Matrix) -> Matrix:
+        """Time derivatives of `poses_at`."""
+        rates: Matrix = self.poses_and_rates_at(times)[1]
         return rates
+
+    def poses_and_rates_at(self, times: Matrix) -> Matrix:
+        """`poses_at` and `rates_at` in one evaluation, (2, n, motion, 3, 4)."""
+        poses, rates = both = np.empty((2, len(times), self._num_evaluated, 3, 4))
+        for group, numbers in self._groups:
+            both[:, :, numbers] = group.poses_and_rates_at(times)
+        for number, motion, factors in self._composed:
+            of_factors = [values[:, factor] for values in both for factor in factors]
+            poses[:, number] = motion.poses_of(*of_factors[: len(factors)])
+            rates[:, number] = motion.rates_of(*of_factors)
+        return both[:, :, self._wanted]
+
+
+def sensor_state(motions: Motions, time: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> SensorState:
+    """State of a sensor by its motion, the only one of `motions`, at a time [s], with the velocity of a point of it."""
+    newest = motions.newest
+    age = 0.0 if newest is None else max(time - newest, 0.0)
+    pose, rate = motions.poses_and_rates_at(np.array([time]))[:, 0, 0]
+    check.finite("poses_at", pose)
+    check.finite("rate_at", rate)
+    return SensorState(check.frozen(pose), check.frozen(rate[:, :3] @ np.asarray(point) + rate[:, 3]), age)
 
 
 class Composed(ABC):

@@ -130,3 +130,7 @@ class ConstantTwist:
         turning *= self._speed
         turning += self._drift
         return turning
+
+    def poses_and_rates_at(self, times: Matrix) -> list[Matrix]:
+        """`poses_at` and `rates_at`."""
+        return [self.poses_at(times), self.rates_at(times)]

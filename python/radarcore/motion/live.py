@@ -21,7 +21,7 @@ from radarcore.geometry.rotation import (
     rotations_about,
 )
 from radarcore.motion.linear import FASTEST_TURN, ConstantTwist
-from radarcore.motion.protocol import LinkMotion
+from radarcore.motion.protocol import LinkMotion, Links
 from radarcore.motion.series import LONG_STEP, steps_between, warn_of_milliseconds
 from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
@@ -42,7 +42,7 @@ _SAME_TIME = 1e-9
 
 
 @sealed
-class LiveGroup:
+class LiveGroup(Links):
     """Several bodies whose poses a running program gives, all by one call, step by step.
 
     After the newest update every body goes on at its velocity and angular velocity, which are also those of a frame
@@ -130,9 +130,10 @@ class LiveGroup:
         """``[rotation | position]`` of all bodies at times (n,) [s], (n, body, 3, 4)."""
         return poses_at(*self._known.of(times))
 
-    def link_rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of `link_poses_at`."""
-        return rates_at(*self._known.of(times))
+    def link_poses_and_rates_at(self, times: ArrayLike) -> Matrix:
+        """`link_poses_at` and their time derivatives, (2, n, body, 3, 4)."""
+        known = self._known.of(times)
+        return np.array([poses_at(*known), rates_at(*known)])
 
     def __len__(self) -> int:
         return self._num_bodies

@@ -63,15 +63,6 @@ class SensorState(NamedTuple):
     """Time since the newest update of a live motion [s]; 0 of other motions, and before that update."""
 
 
-def sensor_state(motion: Motion, time: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> SensorState:
-    """State of a sensor by its motion at a time [s], with the velocity of one of its points."""
-    newest = newest_update(motion)
-    age = 0.0 if newest is None else max(time - newest, 0.0)
-    rate = check.array("rate_at", motion.rate_at(time), (3, 4))
-    pose = check.array("poses_at", poses_at(motion, [time])[0], (3, 4))
-    return SensorState(check.frozen(pose), check.frozen(rate[:, :3] @ np.asarray(point) + rate[:, 3]), age)
-
-
 def factors_of(motion: Motion) -> tuple[Motion, ...]:
     """The motions that a motion such as `Attached` is composed of; empty for other motions.
 
@@ -117,9 +108,14 @@ class Links(Protocol):
         """``[rotation | position]`` of all links at times (n,) [s], (n, link, 3, 4)."""
         ...
 
-    def link_rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of `link_poses_at`."""
+    def link_poses_and_rates_at(self, times: ArrayLike) -> Matrix:
+        """`link_poses_at` and their time derivatives, (2, n, link, 3, 4)."""
         ...
+
+    def link_rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of `link_poses_at`, (n, link, 3, 4)."""
+        rates: Matrix = self.link_poses_and_rates_at(times)[1]
+        return rates
 
 
 @sealed

@@ -13,7 +13,7 @@ from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people import gait
 from radarcore.models.people.path import FloorPath
-from radarcore.motion.protocol import LinkMotion, Motion
+from radarcore.motion.protocol import LinkMotion, Links, Motion
 from radarcore.scene.body import Body
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material
@@ -82,7 +82,7 @@ class Skeleton(NamedTuple):
     """Wrist, from the elbow, in the axes of the forearm."""
 
 
-class Figure:
+class Figure(Links):
     """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
 
     def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
@@ -112,9 +112,9 @@ class Figure:
         """``[rotation | position]`` of all segments in the world at several times [s], (n, segment, 3, 4)."""
         return np.ascontiguousarray(self._along_the_path(times, 1)[0])
 
-    def link_rates_at(self, times: ArrayLike) -> Floats:
-        """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
-        return np.ascontiguousarray(self._along_the_path(times, 2)[1])
+    def link_poses_and_rates_at(self, times: ArrayLike) -> Floats:
+        """`link_poses_at` and their time derivatives, (2, n, segment, 3, 4)."""
+        return np.ascontiguousarray(self._along_the_path(times, 2))
 
     def lowest_sole(self, lowest: Support) -> float:
         """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""

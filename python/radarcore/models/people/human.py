@@ -14,7 +14,7 @@ from radarcore.models.people import gait
 from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats, Walk, lift_of
 from radarcore.models.people.path import FloorPath
 from radarcore.models.people.segments import real_man, real_skeleton, skeleton, spheroids, support
-from radarcore.motion.protocol import Motion
+from radarcore.motion.protocol import Links, Motion
 from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
@@ -27,7 +27,7 @@ _MASS_INDICES = (6.0, 260.0)
 
 
 @sealed
-class Human:
+class Human(Links):
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
@@ -137,9 +137,9 @@ class Human:
         """``[rotation | position]`` of all `SEGMENTS` at several times [s], (n, segment, 3, 4), to the world."""
         return self._figure.link_poses_at(times)
 
-    def link_rates_at(self, times: ArrayLike) -> Floats:
-        """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
-        return self._figure.link_rates_at(times)
+    def link_poses_and_rates_at(self, times: ArrayLike) -> Floats:
+        """`link_poses_at` and their time derivatives, (2, n, segment, 3, 4)."""
+        return self._figure.link_poses_and_rates_at(times)
 
     def bodies(self, material: Material | None = None, name: str = "human", *, subdivisions: int = 4) -> list[Body]:
         """The person as 16 closed spheroids with the volumes of the segments.

@@ -14,8 +14,8 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix, cross_matrix
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion, JointTrajectory
-from radarcore.motion.group import Attached
-from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, latest_update, poses_at
+from radarcore.motion.group import Attached, Motions
+from radarcore.motion.protocol import AnyMotion, LinkMotion, Links, Motion, as_motion, derivative, latest_update
 from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
@@ -296,24 +296,27 @@ class RobotArm:
     def link_poses(self, angles: Matrix, root: Matrix | None = None) -> Matrix:
         """Maps of all links to the root's surroundings, (..., num_links, 4, 4), in the order of `links`.
 
-        Neither `angles` (..., num_joints) nor `root` (..., 4, 4), default: identity, are checked.
+        Neither `angles` (..., num_joints) nor `root` (..., 4, 4), default: identity, are checked. With `root`
+        (..., 3, 4) the maps lack their last row as well.
         """
-        poses = np.empty((*angles.shape[:-1], len(self.links), 4, 4))
-        poses[..., 0, :, :] = np.eye(4) if root is None else root
-        local = self._local(angles)
-        for k, parent in enumerate(self._parents):
-            poses[..., k + 1, :, :] = poses[..., parent, :, :] @ local[..., k, :, :]
-        return poses
+        return self._along_the_tree(self._local(angles), np.eye(4) if root is None else root)
 
-    def link_rates(self, angles: Matrix, rates: Matrix, poses: Matrix, root_rate: Matrix) -> Matrix:
-        """Time derivatives of `link_poses`, (..., num_links, 4, 4), by the product rule along the tree."""
-        derivatives = np.empty_like(poses)
-        derivatives[..., 0, :, :] = root_rate
-        local, local_rate = self._local(angles), self._local_rate(angles, rates)
+    def link_poses_and_rates(self, angles: Matrix, rates: Matrix, root: Matrix, root_rate: Matrix) -> Matrix:
+        """`link_poses` and their time derivatives, (2, ..., num_links, 3, 4), by the product rule along the tree."""
+        local = np.zeros((*angles.shape[:-1], len(self._fixed), 8, 8))
+        local[..., :4, :4] = local[..., 4:, 4:] = self._local(angles)
+        local[..., :4, 4:] = self._local_rate(angles, rates)
+        # [P P'] [[L L'] [0 L]] = [P L, P' L + P L']
+        both = self._along_the_tree(local, np.concatenate([root, root_rate], axis=-1))
+        return np.array([both[..., :4], both[..., 4:]])
+
+    def _along_the_tree(self, local: Matrix, root: Matrix) -> Matrix:
+        """Products of matrices from the root (..., k, m) to every link, (..., num_links, k, m)."""
+        products = np.empty((*local.shape[:-3], len(self.links), *root.shape[-2:]))
+        products[..., 0, :, :] = root
         for k, parent in enumerate(self._parents):
-            turning = derivatives[..., parent, :, :] @ local[..., k, :, :]
-            derivatives[..., k + 1, :, :] = turning + poses[..., parent, :, :] @ local_rate[..., k, :, :]
-        return derivatives
+            products[..., k + 1, :, :] = products[..., parent, :, :] @ local[..., k, :, :]
+        return products
 
     def _local(self, angles: Matrix) -> Matrix:
         """Map of every link but the root to its parent, (..., num_links - 1, 4, 4)."""
@@ -345,7 +348,7 @@ class RobotArm:
 
 
 @sealed
-class MovingArm:
+class MovingArm(Links):
     """A robot arm whose joints, and perhaps base, move; `RobotArm.moving` makes it.
 
     Parameters
@@ -375,6 +378,7 @@ class MovingArm:
     ) -> None:
         self.arm = arm
         self.base: Motion = Pose() if base is None else as_motion("base", base)
+        self._base = Motions([self.base])
         self.joint_motion: JointMotion | None = None
         self._resting: Matrix | None = None
         if hasattr(joint_motion, "angles") and hasattr(joint_motion, "rates"):
@@ -444,23 +448,14 @@ class MovingArm:
 
         In the order of ``arm.links``.
         """
-        return self._link_poses(check.numbers("times", times))[..., :3, :]
+        when = check.numbers("times", times)
+        return self.arm.link_poses(self._angles(when), self._base.poses_at(when)[:, 0])
 
-    def link_rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of `link_poses_at`, (n, num_links, 3, 4)."""
-        return self._link_rates(check.numbers("times", times))[..., :3, :]
-
-    def _link_poses(self, times: Matrix) -> Matrix:
-        """Maps of all links to the world at several times, (n, num_links, 4, 4)."""
-        root = np.zeros((len(times), 4, 4))
-        root[:, :3], root[:, 3, 3] = poses_at(self.base, times), 1.0
-        return self.arm.link_poses(self._angles(times), root)
-
-    def _link_rates(self, times: Matrix) -> Matrix:
-        """Time derivatives of `_link_poses`."""
-        root_rate = np.zeros((len(times), 4, 4))
-        root_rate[:, :3] = [self.base.rate_at(time) for time in times.tolist()]
-        return self.arm.link_rates(self._angles(times), self._angle_rates(times), self._link_poses(times), root_rate)
+    def link_poses_and_rates_at(self, times: ArrayLike) -> Matrix:
+        """`link_poses_at` and their time derivatives, (2, n, num_links, 3, 4)."""
+        when = check.numbers("times", times)
+        root = self._base.poses_and_rates_at(when)[:, :, 0]
+        return self.arm.link_poses_and_rates(self._angles(when), self._angle_rates(when), *root)
 
     def _angles(self, times: Matrix) -> Matrix:
         """Joint angles at several times, (n, num_joints)."""

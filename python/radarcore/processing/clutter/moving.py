@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
-from radarcore.motion.protocol import STALE, AnyMotion, as_motion, sensor_state
+from radarcore.motion.group import Motions, sensor_state
+from radarcore.motion.protocol import STALE, AnyMotion, as_motion
 from radarcore.processing.inputs import Kind, require_one_waveform, require_transmitters_apart, with_samples
 from radarcore.products import orthonormal, product
 from radarcore.radar.beam import is_in_beam
@@ -137,7 +138,8 @@ def _sensor_velocity(frame: Frame | Recording, motion: AnyMotion | ArrayLike) ->
     if not (callable(motion) or hasattr(motion, "rate_at")):  # arrays of JAX and pandas have `at`
         return check.array("motion", motion, (3,) if is_one or np.ndim(motion) == 1 else (len(frame.cube), 3))
     times = np.atleast_1d(frame.time) + frame.radar.middle
-    states = [sensor_state(as_motion("motion", motion), time, frame.radar.array_center) for time in times.tolist()]
+    motions = Motions([as_motion("motion", motion)])
+    states = [sensor_state(motions, time, frame.radar.array_center) for time in times.tolist()]
     if (oldest := max((state.age for state in states), default=0.0)) > STALE:
         notice.warn(f"motion: expected a live update within {STALE:g} s of a frame, got one {oldest:.3g} s before it")
     velocities = np.array([state.pose[:, :3].T @ state.velocity for state in states])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
-from radarcore.motion.protocol import LinkMotion, poses_at
+from radarcore.motion.group import Motions
 from radarcore.processing.tracking.kalman import SHORTEST_RANGE, Array, covariance_from_above
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.scene.body import Body
@@ -157,19 +158,10 @@ def separation(
         ("body_radius", body_radius, "m"),
     ):
         check.non_negative(name, value, unit)
-    bodies = _checked(robot)
-
-    def required(person: _Person, link: _Link, away: Array, age: float) -> tuple[float, float]:
-        """Required distance, and the deviation in it [m]."""
-        waiting = reaction_time + age
-        walking = max(human_speed, person.speed)
-        approach = max(float((link.velocities @ away).max()), 0.0)
-        way = approach * stopping_time if stopping_distance is None else stopping_distance
-        deviation = float(np.sqrt(away @ person.covariance @ away))
-        total = walking * (waiting + stopping_time) + approach * waiting + way
-        return total + intrusion + coverage * deviation + robot_uncertainty, deviation
-
-    links: dict[float, list[_Link]] = {}
+    if not isinstance(robot, Iterable):
+        raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
+    links = _links(tuple(check.instance("robot", body, Body) for body in robot))
+    outlines: dict[float, _Outlines] = {}
     found = []
     for state in tracks:
         check.instance("tracks", state, TrackState)
@@ -178,113 +170,112 @@ def separation(
         now = state.time if time is None else check.time("time", time)
         if now < state.time:
             raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
-        links[now] = links.get(now) or _links(bodies, now)
+        outlines[now] = outline = outlines.get(now) or links.outlines(now)
         person = _person(state, now, body_radius)
+        distance, away = outline.distances(person.places)
+
+        # Required distances of all links from all discs.
         age = max(now - state.seen, 0.0)
-        each = []
-        for link in links[now]:
-            for point, radius in person.discs:
-                distance, away = _distance(link, point)
-                limit, deviation = required(person, link, away, age)
-                gap = max(distance - radius, 0.0)
-                edge, place = point - min(radius, distance) * away, point - distance * away
-                each.append(Separation(state.id, link.name, gap, deviation, age, limit, edge, place))
-        found.append(min(each, key=lambda one: one.margin))
+        waiting = reaction_time + age
+        walking = max(human_speed, person.speed) * (waiting + stopping_time)
+        approach = np.maximum(links.extents(outline.rates, away), 0.0)
+        way = approach * stopping_time if stopping_distance is None else stopping_distance
+        deviation = np.sqrt(np.vecdot(away @ person.covariance, away))
+        limit = walking + approach * waiting + way + intrusion + coverage * deviation + robot_uncertainty
+
+        gap = np.maximum(distance - person.radii, 0.0)
+        link, disc = best = np.unravel_index((gap - limit).argmin(), gap.shape)
+        lengths = distance[best] - gap[best], distance[best]  # to the edge of the disc, and to the link
+        points = (person.places[disc] - length * away[best] for length in lengths)
+        values = float(gap[best]), float(deviation[best]), age, float(limit[best])
+        found.append(Separation(state.id, links.names[link], *values, *points))
     return sorted(found, key=lambda one: one.margin)
 
 
 class _Person(NamedTuple):
-    """A person at a time, seen from above."""
+    """A person at a time, seen from above: the disc of a body, and perhaps the nearest echo in front of it."""
 
-    discs: list[tuple[Array, float]]
-    """Centres (2,) and radii [m]."""
+    places: Array
+    """Centres of the discs (disc, 2) [m]."""
+    radii: Array
+    """(disc,) [m]."""
     speed: float
     """[m/s]."""
     covariance: Array
     """Of the place, (2, 2) [m^2]."""
 
 
-class _Link(NamedTuple):
-    """A link at a time, seen from above."""
-
-    name: str
-    extents: Array
-    """Of its outline in `_DIRECTIONS`, from the origin (128,) [m]."""
-    velocities: Array
-    """Of the corners of its hull, (corner, 2) [m/s]."""
-
-
 def _person(state: TrackState, time: float, radius: float) -> _Person:
     """The disc of a person, and the nearest echo in front of it."""
-    place = state.position
-    if np.isnan(place).any():
+    places, motion = [state.position], state.motion[:2]
+    if np.isnan(places).any():
         raise ValueError("tracks: expected places, got ranges alone: detections without an azimuth")
-    ahead = (time - state.time) * state.motion[:2]
-    discs = [(place[:2] + ahead, radius)]
     if np.isfinite(state.nearest):
         sensor = state.sensor_pose[:, 3]
-        sight = place - sensor
-        echo = sensor + state.nearest / max(float(np.linalg.norm(sight)), SHORTEST_RANGE) * sight
-        discs.append((echo[:2] + ahead, 0.0))
+        sight = places[0] - sensor
+        places.append(sensor + state.nearest / max(float(np.linalg.norm(sight)), SHORTEST_RANGE) * sight)
+    discs = np.array(places)[:, :2] + (time - state.time) * motion
     covariance = covariance_from_above(state.state_covariance, state.sensor_pose)
-    return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
+    return _Person(discs, np.array([radius, 0.0])[: len(discs)], float(np.linalg.norm(motion)), covariance)
 
 
-def _checked(robot: Sequence[Body]) -> list[Body]:
-    """The rigid links that have a surface, whose hulls are formed before anybody comes near."""
-    if not isinstance(robot, Iterable):
-        raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
-    bodies = []
-    for body in robot:
-        check.instance("robot", body, Body)
-        if body.deformation is not None:
-            raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
-        if len(body.mesh.triangles) > 0:
-            _corners(body.mesh)
-            bodies.append(body)
-    if not bodies:
-        raise ValueError("robot: expected links with surfaces, got none")
-    return bodies
+class _Links:
+    """The rigid links of a robot that have a surface: their convex hulls, and their motions."""
+
+    def __init__(self, robot: Iterable[Body]) -> None:
+        for body in robot:
+            if body.deformation is not None:
+                raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
+        bodies = [body for body in robot if len(body.mesh.triangles) > 0]
+        if not bodies:
+            raise ValueError("robot: expected links with surfaces, got none")
+        self.names = [body.name or "" for body in bodies]
+        self._hulls = [_corners(body.mesh) for body in bodies]
+        self._motions = Motions([body.motion for body in bodies])
+
+    def outlines(self, time: float) -> _Outlines:
+        """The links at a time, seen from above."""
+        poses, rates = self._motions.poses_and_rates_at(np.array([time]))[:, 0, :, :2]
+        return _Outlines(self.extents(poses, _DIRECTIONS), rates)
+
+    def extents(self, maps: Array, directions: Array) -> Array:
+        """Largest coordinates (link, n) of the corners, by maps (link, 2, 4), along directions ([link,] n, 2)."""
+        return np.array([(each @ hull).max(axis=1) for each, hull in zip(directions @ maps, self._hulls, strict=True)])
 
 
-def _links(robot: Sequence[Body], time: float) -> list[_Link]:
-    """The hulls of the links of a robot; one arm's links are placed together."""
-    arms: dict[int, tuple[Array, Array]] = {}
-    links = []
-    for body in robot:
-        motion = body.motion
-        if isinstance(motion, LinkMotion):
-            if id(motion.group) not in arms:
-                arms[id(motion.group)] = motion.group.link_poses_at([time])[0], motion.group.link_rates_at([time])[0]
-            pose, rate = (maps[motion.member] for maps in arms[id(motion.group)])
-        else:
-            pose, rate = poses_at(motion, [time])[0], np.asarray(motion.rate_at(time))
-        places, velocities = (_corners(body.mesh) @ each[:2, :3].T + each[:2, 3] for each in (pose, rate))
-        links.append(_Link(body.name or "", (places @ _DIRECTIONS).max(axis=0), velocities))
-    return links
+_links = lru_cache(maxsize=16)(_Links)
+"""Links of the bodies of a robot, prepared once."""
+
+
+class _Outlines(NamedTuple):
+    """Links of a robot at a time, seen from above."""
+
+    extents: Array
+    """Of the outlines in `_DIRECTIONS`, from the origin (link, 128) [m]."""
+    rates: Array
+    """Time derivatives of the first two rows of ``[rotation | position]`` (link, 2, 4)."""
+
+    def distances(self, points: Array) -> tuple[Array, Array]:
+        """Distances of points (n, 2) from the outlines (link, n), 0 inside, and directions to the points (link, n, 2).
+
+        A distance is the largest one by which a line separates both.
+        """
+        beyond = points @ _DIRECTIONS.T - self.extents[:, None]
+        best = beyond.argmax(axis=2)
+        return np.maximum(beyond.max(axis=2), 0.0), _DIRECTIONS[best]
 
 
 @lru_cache(maxsize=256)
 def _corners(mesh: Mesh) -> Array:
-    """Corners of the convex hull of a mesh, (corner, 3); of a flat one all of its vertices."""
+    """Corners of the convex hull of a mesh, (4, corner), the last row 1; of a flat one all of its vertices."""
     from scipy.spatial import ConvexHull, QhullError  # here: importing radarcore imports numpy and nothing heavier
 
-    try:
-        return np.asarray(mesh.vertices[ConvexHull(mesh.vertices).vertices])
-    except QhullError:
-        return mesh.vertices
+    corners = mesh.vertices
+    with suppress(QhullError):
+        corners = corners[ConvexHull(corners).vertices]
+    return np.concatenate([corners.T, np.ones((1, len(corners)))])
 
 
 _BEARINGS = 2.0 * np.pi * np.arange(128) / 128
-_DIRECTIONS = np.stack([np.cos(_BEARINGS), np.sin(_BEARINGS)])
-"""Directions in which extents are known, (2, 128): distances are too small by up to 0.3 mm per metre."""
-
-
-def _distance(link: _Link, point: Array) -> tuple[float, Array]:
-    """Distance of a point from a convex outline, 0 inside, and the direction from the nearest point to it.
-
-    It is the largest distance by which a line separates them.
-    """
-    beyond = point @ _DIRECTIONS - link.extents
-    best = int(beyond.argmax())
-    return max(float(beyond[best]), 0.0), _DIRECTIONS[:, best]
+_DIRECTIONS = np.stack([np.cos(_BEARINGS), np.sin(_BEARINGS)], axis=1)
+"""Directions in which extents are known, (128, 2): distances are too small by up to 0.3 mm per metre."""

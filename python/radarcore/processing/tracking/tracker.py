@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.motion.protocol import AnyMotion, Motion, SensorState, as_motion, sensor_state
+from radarcore.motion.group import Motions, sensor_state
+from radarcore.motion.protocol import AnyMotion, SensorState, as_motion
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.cluster import (
@@ -225,7 +226,7 @@ class Tracker:
 
     def __init__(self, motion: AnyMotion | None = None, **settings: Unpack[TrackerKeywords]) -> None:
         self.settings: TrackerSettings = TrackerSettings(**settings)
-        self._motion: Motion | None = None if motion is None else as_motion("motion", motion)
+        self._motion = None if motion is None else Motions([as_motion("motion", motion)])
         self._sensor = _AT_REST
         self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
