@@ -20,7 +20,7 @@ from cyclopts import Parameter
 from radarcore import check, plot
 from radarcore.cli.options import Count, Flag, Json, Output, Seconds, given
 from radarcore.cli.terminal import show
-from radarcore.comparison.targets import TargetErrors, estimates, found_in, target_errors
+from radarcore.comparison.targets import Errors, TargetErrors, estimates, found_in, target_errors, truth_of
 from radarcore.models.robots.named import is_available
 from radarcore.output import check_file, write_text
 from radarcore.recording.native import check_room
@@ -28,13 +28,13 @@ from radarcore.scenefile.load import load_scene
 from radarcore.table import Table, finite
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
-"""Compared targets, and the body whose truth counts for each."""
+"""Compared targets, and the body whose velocity counts for each; ranges are those of the nearest visible point."""
 
 _HEADER = (
     "",
-    *("frames\nvisible", "\ntracked"),
-    *("range [bins]\nmedian", "\nlargest"),
-    *("velocity [bins]\nmedian", "\nlargest"),
+    *("frames\nvisible", "\ntracked", "\npredicted"),
+    *("range [bins]\nmedian", "\n95 %", "\nlargest"),
+    *("velocity [bins]\nmedian", "\n95 %", "\nlargest"),
     *("below\n1/2 range bin", "below\n1 velocity bin"),
 )
 """Columns of the errors, in colour."""
@@ -105,21 +105,21 @@ def run(
     # Detect and track, and compare with the truth.
     began = time.perf_counter()
     assert recording.truth is not None  # the simulator always gives it
-    found = estimates(found_in(recording), recording.truth, list(TARGETS.values()))
+    found = estimates(found_in(recording, motion=simulation.radar_motion), recording.truth, TARGETS.values())
     elapsed_of_tracks = time.perf_counter() - began
     say(f"detected and tracked in {1e3 * elapsed_of_tracks / len(recording):.1f} ms per frame")
-    errors = []
-    for name, body in TARGETS.items():
-        true, one = recording.truth.select([body]), found[body]
-        bins = waveform.range_resolution, waveform.velocity_resolution
-        known = true.range[:, 0], true.velocity[:, 0]
-        errors.append(target_errors(name, (one.range, one.velocity), known, bins, one.num_tracks))
+    bins = waveform.range_resolution, waveform.velocity_resolution
+    known = {name: truth_of(recording.truth, body) for name, body in TARGETS.items()}
+    errors = [target_errors(name, found[body], known[name], bins) for name, body in TARGETS.items()]
     say("")
     say(_table(errors))
 
-    # One picture.
+    # One picture, with the ranges that count.
+    ranges = recording.truth.range.copy()
+    for name, body in TARGETS.items():
+        ranges[:, recording.truth.names.index(body)] = known[name][0]
     plot.experiment(
-        recording,
+        replace(recording, truth=replace(recording.truth, range=ranges)),
         simulation.scene,
         simulation.radar_motion,
         {body: asdict(one) for body, one in found.items()},
@@ -154,11 +154,16 @@ def _table(targets: Sequence[TargetErrors]) -> Table:
     """The errors of the targets."""
     rows = [
         (
-            *(one.name, str(one.num_frames), str(one.num_tracked)),
-            *(f"{one.range.median_bins:.3f}", f"{one.range.largest_bins:.3f}"),
-            *(f"{one.velocity.median_bins:.3f}", f"{one.velocity.largest_bins:.3f}"),
+            *(one.name, str(one.num_frames), str(one.num_tracked), str(one.num_predicted)),
+            *_in_bins(one.range),
+            *_in_bins(one.velocity),
             *(str(one.range.num_within), str(one.velocity.num_within)),
         )
         for one in targets
     ]
     return Table(_HEADER, rows)
+
+
+def _in_bins(errors: Errors) -> tuple[str, ...]:
+    """Median, 95 % and largest error."""
+    return tuple(f"{v:.3f}" for v in (errors.median_bins, errors.percentile_95_bins, errors.largest_bins))

@@ -354,7 +354,7 @@ def _truth_of_tracks(found: Found, offset: float) -> RecordedTruth:
     tracks = found.tracks
     rows = np.full((len(TRUTH_FIELDS), len(tracks.time), len(tracks)), np.nan)
     for k, track in enumerate(tracks):
-        rows[:2, track.frame, k] = measured(track, found.detections, found.recording.radar.waveform).T
+        rows[:2, track.frame, k] = measured(track, found.detections, found.recording.radar.waveform)[:, :2].T
         rows[2:, track.frame, k] = track.azimuth, track.elevation
     names = tuple(f"track {track.id}" for track in tracks)
     return RecordedTruth(middles(found.recording, offset), Truth(names, *rows))

@@ -22,6 +22,7 @@ from radarcore.comparison.targets import (
     estimates,
     found_in,
     target_errors,
+    truth_of,
 )
 from radarcore.comparison.truth import MovingTargets, RecordedTruth, TruthOverTime, with_names
 from radarcore.motion.protocol import AnyMotion
@@ -127,7 +128,8 @@ def compare(
     """Compare a recording with another, with the truth, or with both: simulated, measured and true, target by target.
 
     Each recording is detected and tracked on its own. A track is then given to the target whose truth it is nearest to
-    throughout; of the tracks of a thing with parts, such as a person, the nearest to the truth counts in every frame.
+    throughout. A thing with parts, such as a person, has one track for the whole run, whose nearest echo is compared
+    with the nearest visible point of all parts.
 
     Parameters
     ----------
@@ -308,11 +310,9 @@ def _target(
     name: str, body: str, sides: Sequence[Side], followed: Sequence[Estimates], has_truth: bool
 ) -> TargetComparison:
     """Errors and echoes of one target, from its estimates in every recording."""
-    columns = [side.truth.select([body]) for side in sides]
-    true = [(column.range[:, 0], column.velocity[:, 0]) for column in columns]
+    true = [truth_of(side.truth, body) for side in sides]
     errors = [
-        target_errors(name, (one.range, one.velocity), known, side.bins, one.num_tracks)
-        for one, known, side in zip(followed, true, sides, strict=True)
+        target_errors(name, one, known, side.bins) for one, known, side in zip(followed, true, sides, strict=True)
     ]
     is_both = len(sides) == 2
     return TargetComparison(
@@ -330,6 +330,4 @@ def _difference(name: str, followed: Sequence[Estimates], sides: Sequence[Side])
     a, b = followed
     unknown = np.full((len(a.time), 1), np.nan)
     joined = RecordedTruth(a.time, Truth((name,), a.range[:, None], a.velocity[:, None], unknown, unknown)).at(b.time)
-    return target_errors(
-        name, (b.range, b.velocity), (joined.range[:, 0], joined.velocity[:, 0]), sides[1].bins, b.num_tracks
-    )
+    return target_errors(name, b, (joined.range[:, 0], joined.velocity[:, 0]), sides[1].bins)

@@ -132,19 +132,19 @@ def _recordings(sides: Sequence[Side]) -> Table:
 
 _HEADER = (
     "",
-    *("frames\nvisible", "\ntracked"),
-    *("range\nbias", "error\nmedian", "[m]\nrms", "\nlargest", "[bins]\nmedian", "\nlargest"),
-    *("velocity\nbias", "error\nmedian", "[m/s]\nrms", "\nlargest", "[bins]\nmedian", "\nlargest"),
+    *("frames\nvisible", "\ntracked", "\npredicted"),
+    *("range\nbias", "error\nmedian", "[m]\nrms", "\nlargest", "[bins]\nmedian", "\n95 %", "\nlargest"),
+    *("velocity\nbias", "error\nmedian", "[m/s]\nrms", "\nlargest", "[bins]\nmedian", "\n95 %", "\nlargest"),
     *("below\n1/2 bin", "below\n1 bin"),
 )
 """Columns of errors; a line break within."""
 
 
 def _errors(errors: TargetErrors) -> tuple[str, ...]:
-    cells = [errors.name, str(errors.num_frames), str(errors.num_tracked)]
+    cells = [errors.name, *map(str, (errors.num_frames, errors.num_tracked, errors.num_predicted))]
     for part in (errors.range, errors.velocity):
         cells += [_number(part.bias, "+.4f"), *(_number(v, ".4f") for v in (part.median, part.rms, part.largest))]
-        cells += [_number(value, ".3f") for value in (part.median_bins, part.largest_bins)]
+        cells += [_number(v, ".3f") for v in (part.median_bins, part.percentile_95_bins, part.largest_bins)]
     return (*cells, _share(errors.range_share), _share(errors.velocity_share))
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import notice
+from radarcore.motion.protocol import AnyMotion
 from radarcore.plot.canvas import thing
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
@@ -28,13 +30,13 @@ RANGE_LIMIT, VELOCITY_LIMIT = 0.5, 1.0
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a quantity, in its unit, over the frames in which it is both known and estimated.
+    """Errors of a quantity, in its unit, over the frames in which it is both known and measured.
 
     Parameters
     ----------
     bias : float
         Median of the errors, with their signs.
-    median, rms, largest : float
+    median, percentile_95, rms, largest : float
         Of their magnitudes; NaN without any.
     bin_width : float
         Width of a bin of the waveform, in the same unit.
@@ -44,6 +46,7 @@ class Errors:
 
     bias: float
     median: float
+    percentile_95: float
     rms: float
     largest: float
     bin_width: float
@@ -53,6 +56,11 @@ class Errors:
     def median_bins(self) -> float:
         """`median` in bins."""
         return self.median / self.bin_width
+
+    @property
+    def percentile_95_bins(self) -> float:
+        """`percentile_95` in bins."""
+        return self.percentile_95 / self.bin_width
 
     @property
     def rms_bins(self) -> float:
@@ -76,15 +84,18 @@ class TargetErrors:
         Frames in which the target was visible: its truth is known.
     num_tracked : int
         Visible frames in which a track followed the target.
+    num_predicted : int
+        Those of them without an echo of the target: the track is a prediction there.
     num_tracks : int
         Tracks that followed the target, side by side or one after the other.
     range, velocity : Errors
-        Over the visible frames in which it was tracked [m, m/s].
+        Over the visible frames in which it was tracked by an echo [m, m/s].
     """
 
     name: str
     num_frames: int
     num_tracked: int
+    num_predicted: int
     num_tracks: int
     range: Errors
     velocity: Errors
@@ -104,14 +115,17 @@ class TargetErrors:
         errors = {
             f"{quantity}_error": {
                 name: getattr(part, name)
-                for name in ("bias", "median", "rms", "largest", "median_bins", "rms_bins", "largest_bins")
+                for kind in ("median", "percentile_95", "rms", "largest")
+                for name in (kind, f"{kind}_bins")
             }
+            | {"bias": part.bias}
             for quantity, part in (("range", self.range), ("velocity", self.velocity))
         }
         return {
             "name": self.name,
             "num_frames": self.num_frames,
             "num_tracked": self.num_tracked,
+            "num_predicted": self.num_predicted,
             "num_tracks": self.num_tracks,
             "num_range_within": self.range.num_within,
             "num_velocity_within": self.velocity.num_within,
@@ -120,41 +134,48 @@ class TargetErrors:
 
 
 def target_errors(
-    name: str,
-    estimated: tuple[_Floats, _Floats],
-    true: tuple[_Floats, _Floats],
-    bins: tuple[float, float],
-    num_tracks: int,
+    name: str, estimated: Estimates, true: tuple[_Floats, _Floats], bins: tuple[float, float]
 ) -> TargetErrors:
-    """Errors of estimates of range and velocity, (frame,) each, against the truth of the same frames.
+    """Errors of estimates of range and velocity against the truth of the same frames.
 
     Parameters
     ----------
     name : str
-    estimated, true : (range, velocity)
+    estimated : Estimates
+    true : (range, velocity)
         Arrays (frame,) [m, m/s]; NaN where they are not known.
     bins : (float, float)
         Widths of a bin of range and of velocity [m, m/s].
-    num_tracks : int
-        As in `TargetErrors`.
     """
     is_visible = np.isfinite(true[0])
-    is_tracked = is_visible & np.isfinite(estimated[0])
-    parts = [
-        _errors((estimated[k] - true[k])[is_tracked], bins[k], limit)
-        for k, limit in enumerate((RANGE_LIMIT, VELOCITY_LIMIT))
-    ]
-    return TargetErrors(name, int(is_visible.sum()), int(is_tracked.sum()), num_tracks, *parts)
+    is_tracked = is_visible & np.isfinite(estimated.range)
+    is_measured = is_tracked & estimated.is_detected
+    range_errors, velocity_errors = (
+        _errors((values - known)[is_measured], width, limit)
+        for values, known, width, limit in zip(
+            (estimated.range, estimated.velocity), true, bins, (RANGE_LIMIT, VELOCITY_LIMIT), strict=True
+        )
+    )
+    return TargetErrors(
+        name,
+        num_frames=int(is_visible.sum()),
+        num_tracked=int(is_tracked.sum()),
+        num_predicted=int((is_tracked & ~is_measured).sum()),
+        num_tracks=estimated.num_tracks,
+        range=range_errors,
+        velocity=velocity_errors,
+    )
 
 
 def _errors(errors: _Floats, bin_width: float, limit: float) -> Errors:
     known = errors[np.isfinite(errors)]
     if len(known) == 0:
-        return Errors(*(np.nan,) * 4, bin_width=bin_width, num_within=0)
+        return Errors(*(np.nan,) * 5, bin_width=bin_width, num_within=0)
     sizes = np.abs(known)
     return Errors(
         bias=float(np.median(known)),
         median=float(np.median(sizes)),
+        percentile_95=float(np.quantile(sizes, 0.95)),
         rms=float(np.sqrt(np.mean(np.square(known)))),
         largest=float(sizes.max()),
         bin_width=bin_width,
@@ -210,7 +231,20 @@ class Found:
 
     recording: Recording
     detections: tuple[Detections, ...]
-    tracks: Tracks
+    follow: Callable[..., Tracks]
+    """`track` with the detections and their settings."""
+    motion: AnyMotion | None = None
+    """Of the sensor; None: tracks of people are in the sensor frame."""
+
+    @cached_property
+    def tracks(self) -> Tracks:
+        """Tracks of points."""
+        return self.follow()
+
+    @cached_property
+    def people(self) -> Tracks:
+        """Tracks of things as large as people."""
+        return self.follow(targets="people", motion=self.motion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +257,8 @@ class Estimates:
     """[m]."""
     velocity: NDArray[np.float64]
     """[m/s]."""
+    is_detected: NDArray[np.bool_]
+    """False where the target sends no echo and its track is a prediction."""
     num_tracks: int
     """Tracks that follow the target in some frame."""
 
@@ -230,6 +266,7 @@ class Estimates:
 def found_in(
     recording: Recording,
     *,
+    motion: AnyMotion | None = None,
     detector: Callable[[Frame], Detections] | None = None,
     range_only: bool = False,
     progress: bool = True,
@@ -239,6 +276,8 @@ def found_in(
     Parameters
     ----------
     recording : Recording
+    motion : Motion, optional
+        Of the sensor, for tracks of people: things at rest are then no people. Default: the sensor is at rest.
     detector : callable, optional
         Detections of a frame; default: `radarcore.detect` with less than one false alarm per frame.
     range_only : bool
@@ -249,22 +288,37 @@ def found_in(
     detections_of = partial(detect, false_alarm_rate=_FALSE_ALARM_RATE) if detector is None else detector
     with notice.progress(recording.frames(), "detecting", "frame", total=len(recording), shown=progress) as frames:
         detections = [detections_of(frame) for frame in frames]
-    max_missed = max(1, round(_LONGEST_GAP / usual_interval(recording)))
     wf = recording.radar.waveform
-    period = 2.0 * recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
-    num_dimensions = 1 if range_only else None
-    tracks = track(
-        detections, smooth=True, velocity_ambiguity=period, max_missed=max_missed, num_dimensions=num_dimensions
+    follow = partial(
+        track,
+        detections,
+        smooth=True,
+        velocity_ambiguity=2.0 * recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None,
+        max_missed=max(1, round(_LONGEST_GAP / usual_interval(recording))),
+        num_dimensions=1 if range_only else None,
     )
-    return Found(recording, tuple(detections), tracks)
+    return Found(recording, tuple(detections), follow, motion)
+
+
+def truth_of(truth: Truth, body: str) -> tuple[_Floats, _Floats]:
+    """Range [m] and velocity [m/s] that count for a target, (frame,) each; NaN where it is not visible.
+
+    Of a thing of several parts, such as a person, the range is that of its nearest visible point, which may be of any
+    part; the velocity is that of the named part: its track follows the whole and not the hand in front.
+    """
+    parts = [name for name in truth.names if thing(name) == thing(body)]
+    return np.fmin.reduce(truth.select(parts).range, axis=1), truth.select([body]).velocity[:, 0]
 
 
 def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float = 0.0) -> dict[str, Estimates]:
     """Estimates of some bodies by the tracks that follow them.
 
-    A track follows the body whose truth is nearest to it throughout. Of a thing of several parts, such as a person, all
-    tracks of any part count: the estimate of a frame is that nearest to the truth of the named part. It is the
-    detection of a track or, where it has none, the state that those before and after tell (`track(smooth=True)`).
+    A track follows the body whose truth is nearest to it throughout. The estimate of a frame is the detection of a
+    track or, where it has none, the state that those before and after tell (`track(smooth=True)`).
+
+    A thing of several parts, such as a person, has one track of `Found.people`, chosen once: the one that is there in
+    most of the frames in which the thing is visible, of several such things among those that follow it. The estimates
+    are the range of its nearest echo and its velocity.
 
     Parameters
     ----------
@@ -276,28 +330,44 @@ def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float =
     offset : float
         Added to the times of the recording it gives those of the estimates [s].
     """
-    waveform = found.recording.radar.waveform
-    owners = assign_to_truth(found.tracks, truth)
-    time = middles(found.recording, offset)
+    waveform, time = found.recording.radar.waveform, middles(found.recording, offset)
+    bodies = list(bodies)
+    num_parts = Counter(map(thing, truth.names))
+    people = {body for body in bodies if num_parts[thing(body)] > 1}
     result = {}
     for body in bodies:
-        followers = [
-            one for one in found.tracks if (owner := owners[one.id]) is not None and thing(owner) == thing(body)
-        ]
-        of_body = truth.select([body])
-        true = np.stack([of_body.range[:, 0], of_body.velocity[:, 0]], axis=1)
-        nearest = _nearest(followers, found.detections, true, waveform)
-        result[body] = Estimates(time, nearest[:, 0], nearest[:, 1], len(followers))
+        true = np.stack(truth_of(truth, body), axis=1)
+        rows = np.full((len(time), 3), np.nan)
+        if body in people:
+            followers = _followers(found.people, truth, body) if len(people) > 1 else list(found.people)
+            followers.sort(key=lambda one: -np.isfinite(true[one.frame, 0]).sum())
+            for one in followers[:1]:
+                nearest = np.where(np.isnan(one.nearest), one.range, one.nearest)
+                rows[one.frame] = np.stack([nearest, one.velocity, one.is_detected], axis=1)
+            number = len(followers[:1])
+        else:
+            followers = _followers(found.tracks, truth, body)
+            rows, number = _nearest(followers, found.detections, true, waveform), len(followers)
+        result[body] = Estimates(time, rows[:, 0], rows[:, 1], rows[:, 2] == 1.0, number)
     return result
 
 
+def _followers(tracks: Tracks, truth: Truth, body: str) -> list[Track]:
+    """Tracks that follow a body, of a thing of several parts those that follow any of them."""
+    owners = assign_to_truth(tracks, truth)
+    return [one for one in tracks if (owner := owners[one.id]) is not None and thing(owner) == thing(body)]
+
+
 def measured(track: Track, found: Sequence[Detections], waveform: Waveform) -> NDArray[np.float64]:
-    """Range [m] and velocity [m/s] of a track in its frames, (row, 2): of its detection, or what it expects without."""
-    points = np.stack([track.range, track.velocity], axis=1)
+    """Range [m], velocity [m/s] of a track and whether it is detected in its frames, (row, 3).
+
+    They are of its detection, or what it expects without.
+    """
+    points = np.stack([track.range, track.velocity, track.is_detected], axis=1)
     for k in np.flatnonzero(track.is_detected):
         one = found[track.frame[k]]
         near = np.stack([one.range, one.velocity], axis=1)
-        points[k] = near[_nearest_of(near, points[k], waveform)]
+        points[k, :2] = near[_nearest_of(near, points[k, :2], waveform)]
     return points
 
 
@@ -310,14 +380,14 @@ def _nearest_of(points: NDArray[np.float64], place: NDArray[np.float64], wavefor
 def _nearest(
     followers: Sequence[Track], found: Sequence[Detections], true: NDArray[np.float64], waveform: Waveform
 ) -> NDArray[np.float64]:
-    """Range [m] and velocity [m/s] of the tracks in every frame, of several those nearest to the truth, (frame, 2)."""
+    """Rows of `measured` in every frame, of several tracks those nearest to the truth, (frame, 3)."""
     candidates: dict[int, list[NDArray[np.float64]]] = {}
     for follower in followers:
         for frame, point in zip(follower.frame, measured(follower, found, waveform), strict=True):
             candidates.setdefault(int(frame), []).append(point)
-    result = np.full((len(true), 2), np.nan)
+    result = np.full((len(true), 3), np.nan)
     for frame, points_of_frame in candidates.items():
         if np.isfinite(true[frame]).all():
             all_points = np.stack(points_of_frame)
-            result[frame] = all_points[_nearest_of(all_points, true[frame], waveform)]
+            result[frame] = all_points[_nearest_of(all_points[:, :2], true[frame], waveform)]
     return result
