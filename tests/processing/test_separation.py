@@ -26,6 +26,7 @@ def person(
     values: dict[str, Any] = {"state": np.array([*place, *motion])}
     values |= {"state_covariance": np.diag([deviation**2] * 2 + [0.01] * 2)}
     values |= {"id": 7, "time": 0.0, "seen": 0.0, "is_detected": True, "is_confirmed": True}
+    values |= {"is_static": False, "is_observable": True}
     values |= {"num_hits": 9, "nearest": nearest, "nearest_deviation": 0.02, "sensor_age": 0.0}
     values |= {"sensor_pose": np.eye(3, 4), "sensor_velocity": np.zeros(3)}
     return rc.processing.TrackState(**(values | changes))

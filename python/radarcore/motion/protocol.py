@@ -63,6 +63,10 @@ class SensorState(NamedTuple):
     """Time since the newest update of a live motion [s]; 0 of other motions, and before that update."""
 
 
+AT_REST = SensorState(check.frozen(np.eye(3, 4)), check.frozen(np.zeros(3)), 0.0)
+"""A sensor whose axes are the world's."""
+
+
 def factors_of(motion: Motion) -> tuple[Motion, ...]:
     """The motions that a motion such as `Attached` is composed of; empty for other motions.
 

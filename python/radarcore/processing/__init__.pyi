@@ -43,6 +43,7 @@ from radarcore.processing.tracking.cluster import Clusters as Clusters
 from radarcore.processing.tracking.cluster import cluster as cluster
 from radarcore.processing.tracking.separation import Separation as Separation
 from radarcore.processing.tracking.separation import separation as separation
+from radarcore.processing.tracking.static_map import StaticMap as StaticMap
 from radarcore.processing.tracking.tracker import Tracker as Tracker
 from radarcore.processing.tracking.tracker import TrackerSettings as TrackerSettings
 from radarcore.processing.tracking.tracker import track as track

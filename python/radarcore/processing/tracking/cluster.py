@@ -18,7 +18,7 @@ Indices = NDArray[np.int64]
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
 
-_NO_PERIOD = 1e100
+NO_PERIOD = 1e100
 """Period of a coordinate without one: no value is large enough to be wrapped."""
 
 _NO_WEIGHT = 1e-300
@@ -159,7 +159,7 @@ class Groups(NamedTuple):
 
 def periods_of(velocity_ambiguity: float | None) -> Array:
     """Periods of range, velocity, azimuth and elevation."""
-    return np.array([_NO_PERIOD, velocity_ambiguity or _NO_PERIOD, 2.0 * np.pi, 2.0 * np.pi])
+    return np.array([NO_PERIOD, velocity_ambiguity or NO_PERIOD, 2.0 * np.pi, 2.0 * np.pi])
 
 
 def coordinates(detections: Detections) -> Array:
@@ -178,7 +178,7 @@ def levels(detections: Detections) -> Array:
     return np.where(np.isfinite(detections.snr_db), detections.snr_db, 0.0)
 
 
-def wrapped(difference: Array, period: Array) -> Array:
+def wrapped(difference: Array, period: Array | float) -> Array:
     """Differences of what is known modulo a period, the nearest to 0."""
     return difference - period * np.rint(difference / period)
 

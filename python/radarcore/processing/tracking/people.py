@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.direction import angles
 from radarcore.motion.protocol import SensorState
 from radarcore.processing.tracking.cluster import connected, pairs_within, wrapped
-from radarcore.processing.tracking.kalman import Array, Expected, Indices, directions_of, over_ground
+from radarcore.processing.tracking.kalman import Array, Expected, Indices
+from radarcore.processing.tracking.static_map import StaticMap, is_moving, places_of
 
 EXTENT = np.array([0.1, 0.4, 0.15, 0.3])
 """Standard deviations of the centroid of the echoes of a body: range [m], velocity [m/s], across and up [m]."""
@@ -18,9 +21,6 @@ _NEARER, _FARTHER, _WIDTH = 0.5, 0.8, 0.5
 
 _STANDING = 0.3
 """Static echoes of a person come from this much around the track [m]."""
-
-_STATIC_SPEED = 0.15
-"""Echoes up to this speed are static [m/s]."""
 
 _LIMB_SPEED = 3.0
 """Limbs move at up to this speed relative to the trunk [m/s]."""
@@ -38,11 +38,25 @@ _PLACE = np.array([0.1, 0.1])
 """Half the size of such a place: range [m], azimuth [rad]."""
 
 
+Mask = NDArray[np.bool_]
+
+
+class Labels(NamedTuple):
+    """Objects that detections belong to, (detection,) each."""
+
+    objects: Indices
+    """Index of a track, of people; numbers from there on are new objects, and -1 is none."""
+    moves: Mask
+    """True for detections that move over the ground."""
+    is_known: Mask
+    """True for static detections that may be at a known surface."""
+
+
 class People:
     """Assigns detections to bodies, and remembers where static things are beside them: walls and posts."""
 
-    def __init__(self, periods: Array) -> None:
-        self._periods = periods
+    def __init__(self, periods: Array, static_map: StaticMap | None) -> None:
+        self._periods, self._map = periods, static_map
         self._times, self._places = np.zeros(0), np.zeros((0, 3))
 
     def labels(
@@ -50,11 +64,11 @@ class People:
         values: Array,
         covariance: Array,
         expected: Expected,
-        is_confirmed: NDArray[np.bool_],
+        is_confirmed: Mask,
         time: float,
         sensor: SensorState,
-    ) -> Indices:
-        """Body of each detection: the index of its track, numbers from there on for new bodies, -1 for none.
+    ) -> Labels:
+        """Body of each detection. Static ones begin bodies if a map says that no known surface is there.
 
         Parameters
         ----------
@@ -69,7 +83,7 @@ class People:
         sensor : SensorState
         """
         number, periods = len(is_confirmed), self._periods[: values.shape[1]]
-        is_moving = self._is_moving(values, covariance, sensor)
+        moves = is_moving(values, covariance, sensor, self._periods[1])
         difference = wrapped(values - expected.value[:, None], periods)
         along, speed = difference[..., 0], difference[..., 1]
         across = np.zeros(along.shape)
@@ -80,9 +94,17 @@ class People:
 
         # Moving echoes of the whole body, static ones near the trunk of a person who is known.
         is_near = (along > -_NEARER) & (along < _FARTHER) & (across < _WIDTH)
-        stands = is_confirmed[:, None] & (np.abs(along) < _STANDING) & (across < _STANDING) & ~is_moving
-        is_own = is_near & is_moving & (np.abs(speed) < _LIMB_SPEED) | stands & ~self._is_background(values, sensor)
-        self._remember(values[~is_moving & ~stands.any(axis=0)], time, sensor)
+        stands = (np.abs(along) < _STANDING) & (across < _STANDING) & ~moves
+        is_known = np.zeros(len(values), dtype=bool)
+        if self._map is None:
+            stands &= is_confirmed[:, None]
+            is_background, is_unknown = self._is_background(values, sensor), is_known
+            self._remember(values[~moves & ~stands.any(axis=0)], time, sensor)
+        else:
+            is_background = self._map.is_known(values, covariance, sensor, 0.0)
+            is_known = ~moves & self._map.is_known(values, covariance, sensor)
+            is_unknown = ~moves & ~is_known
+        is_own = is_near & moves & (np.abs(speed) < _LIMB_SPEED) | stands & ~is_background
         labels = np.full(len(values), -1)
         if number > 0:
             squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + (np.nan_to_num(speed) / _SPEED_SCALE) ** 2
@@ -90,23 +112,14 @@ class People:
             costs = np.where(is_own, squares + 1e3 * order[:, None], np.inf)
             labels = np.where(is_own.any(axis=0), costs.argmin(axis=0), -1)
 
-        # New bodies begin with other echoes that move.
-        is_new = is_moving & ~is_near.any(axis=0)
+        # New bodies begin with other echoes.
+        is_new = (moves | is_unknown) & ~is_near.any(axis=0)
         if is_new.any():
             pairs = pairs_within(values[is_new, :3], _FARTHER, None, periods)
             labels[is_new] = number + connected(int(is_new.sum()), pairs)
-        return labels
+        return Labels(labels, moves, is_known)
 
-    def _is_moving(self, values: Array, covariance: Array, sensor: SensorState) -> NDArray[np.bool_]:
-        """True for detections that move over the ground, by more than errors of their angles explain."""
-        own = sensor.pose[:, :3].T @ sensor.velocity
-        limit = np.full(len(values), _STATIC_SPEED)
-        if own.any():
-            variance = covariance.diagonal(axis1=1, axis2=2)[:, 2:].max(axis=1)
-            limit += 2.0 * np.sqrt(variance) * np.linalg.norm(own)
-        return np.asarray(np.abs(wrapped(over_ground(values, own), self._periods[1])) > limit)
-
-    def _is_background(self, values: Array, sensor: SensorState) -> NDArray[np.bool_]:
+    def _is_background(self, values: Array, sensor: SensorState) -> Mask:
         """True for detections at places that had static echoes before."""
         relative = (self._places - sensor.pose[:, 3]) @ sensor.pose[:, :3]
         azimuth, _ = angles(relative)
@@ -118,7 +131,7 @@ class People:
 
     def _remember(self, values: Array, time: float, sensor: SensorState) -> None:
         """Add static detections of a frame whose directions are known, and forget old ones."""
-        places = values[:, :1] * directions_of(values) @ sensor.pose[:, :3].T + sensor.pose[:, 3]
+        places = places_of(values, sensor)
         places = places[np.isfinite(places).all(axis=1)]
         is_recent = self._times > time - _MEMORY
         self._times = np.concatenate([self._times[is_recent], np.full(len(places), time)])

@@ -175,7 +175,8 @@ def separation(
         distance, away = outline.distances(person.places)
 
         # Required distances of all links from all discs.
-        age = max(now - state.seen, 0.0)
+        is_hidden = not (state.is_observable or state.is_detected)  # it would be detected as soon as it moved
+        age = max(now - (state.time if is_hidden else state.seen), 0.0)
         waiting = reaction_time + age
         walking = max(human_speed, person.speed) * (waiting + stopping_time)
         approach = np.maximum(links.extents(outline.rates, away), 0.0)

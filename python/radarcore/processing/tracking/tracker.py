@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.motion.group import Motions, sensor_state
-from radarcore.motion.protocol import AnyMotion, SensorState, as_motion
+from radarcore.motion.protocol import AT_REST, AnyMotion, SensorState, as_motion
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.cluster import (
@@ -32,6 +32,7 @@ from radarcore.processing.tracking.kalman import (
     Indices,
     assign,
     begin,
+    cartesian,
     expect,
     over_ground,
     predict,
@@ -41,7 +42,8 @@ from radarcore.processing.tracking.kalman import (
     update,
     white_acceleration,
 )
-from radarcore.processing.tracking.people import EXTENT, People
+from radarcore.processing.tracking.people import EXTENT, Labels, Mask, People
+from radarcore.processing.tracking.static_map import StaticMap
 from radarcore.processing.tracking.tracks import Tracks, TrackState, tracks_of
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
@@ -56,8 +58,11 @@ _LOST = np.pi**2 / 3.0
 _VAGUE = 0.5**2
 """Variance of an angle with which no track begins [rad^2]: a place would be anywhere on an arc."""
 
-_AT_REST = SensorState(check.frozen(np.eye(3, 4)), check.frozen(np.zeros(3)), 0.0)
-"""A sensor whose axes are the world's."""
+_OBJECT_HITS = 5, 8
+"""Detections and frames that confirm a static object, whatever the settings: wrong directions repeat themselves."""
+
+_SLOW = 0.5
+"""Speed of a track that may have stopped since [m/s]."""
 
 _UPRIGHT = 0.98
 """Least cosine of the tilt of a sensor that tracks in the plane: 11 degrees."""
@@ -192,6 +197,9 @@ class Tracker:
         Of the sensor, as `Simulator` takes it, or live; it is asked for the times of the detections. Tracks are then in
         its world: targets that stand still have no velocity there, and stay where they are while the sensor moves.
         Default: the sensor is at rest, and its frame the world.
+    static_map : StaticMap, optional
+        Known surfaces in that world, for ``targets="people"``. Static detections elsewhere then begin tracks: of people
+        who stand still, and of unknown objects. A person who stops near a surface keeps a track without detections.
     **settings
         Those of `TrackerSettings`.
 
@@ -224,15 +232,25 @@ class Tracker:
     _covariance: Array
     _lives: list[_Life]
 
-    def __init__(self, motion: AnyMotion | None = None, **settings: Unpack[TrackerKeywords]) -> None:
+    def __init__(
+        self,
+        motion: AnyMotion | None = None,
+        static_map: StaticMap | None = None,
+        **settings: Unpack[TrackerKeywords],
+    ) -> None:
         self.settings: TrackerSettings = TrackerSettings(**settings)
+        self._map = static_map
+        if static_map is not None:
+            check.instance("static_map", static_map, StaticMap)
+            if self.settings.targets != "people":
+                raise ValueError(f'static_map: expected targets="people", got {self.settings.targets!r}')
         self._motion = None if motion is None else Motions([as_motion("motion", motion)])
-        self._sensor = _AT_REST
+        self._sensor = AT_REST
         self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun: int = 0
         self._periods = periods_of(self.settings.velocity_ambiguity)
-        self._people = People(self._periods)
+        self._people = People(self._periods, static_map)
         self._lives = []
 
     def update(self, detections: Detections) -> list[TrackState]:
@@ -277,7 +295,7 @@ class Tracker:
         if ((variance < 0.0) | (variance == np.inf)).any():
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
-        sensor = _AT_REST if self._motion is None else sensor_state(self._motion, detections.time)
+        sensor = AT_REST if self._motion is None else sensor_state(self._motion, detections.time)
         self._choose_dimensions(values, sensor)
         values[:, 2:][variance[:, 2:] > _LOST] = np.nan  # as at the horizon of an array
         self._predict(detections.time, sensor)
@@ -286,7 +304,7 @@ class Tracker:
         told = self.num_dimensions + 1
         values, covariance = values[:, :told], self._with_usual_errors(covariance[:, :told, :told])
         expected = expect(self._state, self._covariance)
-        labels = self._labels(values, covariance, expected)
+        labels, moves, is_known = self._labels(values, covariance, expected)
         objects, found = groups(values, levels(detections), covariance, labels, self._periods[:told])
         measured, noise = found.values, found.covariance + self._extents(found.values)
         nearest = _nearest(values, covariance, objects, len(measured))
@@ -296,8 +314,8 @@ class Tracker:
         innovation[~(spread[:, 1, 1] <= (_KNOWN_WITHIN * self._periods[1]) ** 2), :, 1] = np.nan
         if self.settings.targets == "people":
             tracks, first = np.unique(labels, return_index=True)
-            is_known = (tracks >= 0) & (tracks < len(self._lives))
-            tracks, chosen = tracks[is_known], objects[first[is_known]]
+            is_old = (tracks >= 0) & (tracks < len(self._lives))
+            tracks, chosen = tracks[is_old], objects[first[is_old]]
         else:
             tracks, chosen = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
@@ -307,26 +325,46 @@ class Tracker:
             expected.jacobian[tracks],
             noise[chosen] + expected.second_order[tracks],
         )
-        echoes = dict(zip(tracks.tolist(), nearest[chosen].tolist(), strict=True))
+        is_static = np.ones(len(measured), dtype=bool)
+        is_static[objects[(objects >= 0) & moves]] = False
+        found_by_track = zip(nearest[chosen].tolist(), is_static[chosen].tolist(), strict=True)
+        echoes = dict(zip(tracks.tolist(), found_by_track, strict=True))
         for index, life in enumerate(self._lives):
-            life.count(self.time, echoes.get(index), self.settings)
-        self._keep([not life.is_over(self.settings) for life in self._lives])
+            life.count(self.time, *echoes.get(index, (None, life.is_static)))
+        self._look_for_hidden(values[is_known, 0])
+        self._keep([life.is_held or not life.is_over(self.settings.max_missed) for life in self._lives])
         is_new = np.ones(len(measured), dtype=bool)
         is_new[chosen] = False
         is_new &= ~(found.covariance.diagonal(axis1=1, axis2=2)[:, 2:] > _VAGUE).any(axis=1)
-        self._begin(measured[is_new], noise[is_new], nearest[is_new])
+        self._begin(measured[is_new], noise[is_new], nearest[is_new], is_static[is_new])
         return self._states()
 
-    def _labels(self, values: Array, covariance: Array, expected: Expected) -> Indices:
-        """Object of each detection, -1 for none; of people the first objects are the tracks."""
+    def _look_for_hidden(self, ranges: Array) -> None:
+        """Tracks whose echoes known surfaces at some ranges may hide; those that stop there are held at their place."""
+        if self._map is None or not self._lives:
+            return
+        in_world, _ = to_world(self._state, self._covariance, self._sensor.pose, self._sensor.velocity)
+        places, motions = cartesian(in_world)
+        apart = np.abs(np.linalg.norm(self._state[:, : self._state.shape[1] // 2], axis=1)[:, None] - ranges)
+        is_near = apart.min(axis=1, initial=np.inf) <= self._map.distance  # echoes of one range cell are not resolved
+        is_near |= self._map.distances(places) <= self._map.hidden_distance
+        is_slow = np.linalg.norm(motions, axis=1) < _SLOW
+        for life, near, slow in zip(self._lives, is_near.tolist(), is_slow.tolist(), strict=True):
+            life.is_observable = not near
+            life.is_held = life.is_confirmed and near and slow and life.missed >= self.settings.max_missed
+
+    def _labels(self, values: Array, covariance: Array, expected: Expected) -> Labels:
+        """Object of each detection; of people the first objects are the tracks."""
         s = self.settings
         if s.targets == "people":
             is_confirmed = np.array([life.is_confirmed for life in self._lives], dtype=bool)
             return self._people.labels(values, covariance, expected, is_confirmed, self.time, self._sensor)
         if s.cluster_distance is None and s.cluster_velocity is None:
-            return np.arange(len(values))
-        pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, self._periods[: values.shape[1]])
-        return connected(len(values), pairs)
+            labels = np.arange(len(values))
+        else:
+            pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, self._periods[: values.shape[1]])
+            labels = connected(len(values), pairs)
+        return Labels(labels, np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool))
 
     def _with_usual_errors(self, covariance: Array) -> Array:
         """Covariances of detections, with the usual errors where detections do not tell theirs."""
@@ -367,14 +405,21 @@ class Tracker:
     def _predict(self, time: float, sensor: SensorState) -> None:
         """Tracks at the time of a frame, but those that were last seen too long before."""
         if self.settings.max_gap is not None:
-            self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
+            self._keep([life.is_held or time - life.seen <= self.settings.max_gap for life in self._lives])
         if self._lives:
-            motion = white_acceleration(time - self.time, self.settings.acceleration_density, self._state.shape[1] // 2)
-            if self._motion is None:
-                self._state, self._covariance = predict(self._state, self._covariance, *motion)
-            else:  # targets go on in the world
-                in_world = to_world(self._state, self._covariance, self._sensor.pose, self._sensor.velocity)
-                self._state, self._covariance = to_sensor(*predict(*in_world, *motion), sensor.pose, sensor.velocity)
+            d = self._state.shape[1] // 2
+            motion = white_acceleration(time - self.time, self.settings.acceleration_density, d)
+            known = self._state, self._covariance
+            if self._motion is not None:  # targets go on in the world
+                known = to_world(*known, self._sensor.pose, self._sensor.velocity)
+            state, covariance = predict(*known, *motion)
+            is_held = [life.is_held for life in self._lives]
+            if any(is_held):
+                state[is_held, :d], state[is_held, d:] = known[0][is_held, :d], 0.0
+                covariance[is_held] = known[1][is_held]
+            if self._motion is not None:
+                state, covariance = to_sensor(state, covariance, sensor.pose, sensor.velocity)
+            self._state, self._covariance = state, covariance
         self.time, self._sensor = time, sensor
 
     def _keep(self, which: list[bool]) -> None:
@@ -383,7 +428,7 @@ class Tracker:
             self._state, self._covariance = self._state[which], self._covariance[which]
             self._lives = list(compress(self._lives, which))
 
-    def _begin(self, measured: Array, noise: Array, nearest: Array) -> None:
+    def _begin(self, measured: Array, noise: Array, nearest: Array, is_static: Mask) -> None:
         """Begin tracks with detections."""
         # The period of a velocity is known if only one is within the largest speed.
         fastest, period = self.settings.max_speed, self._periods[1]
@@ -401,9 +446,10 @@ class Tracker:
             state[:, state.shape[1] // 2 :] -= own[: state.shape[1] // 2]
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
-        for echo in nearest[starts].tolist():
-            life = _Life(self.num_begun)
-            life.count(self.time, echo, self.settings)
+        usual = self.settings.confirm_hits, self.settings.confirm_frames
+        for echo, stands in zip(nearest[starts].tolist(), is_static[starts].tolist(), strict=True):
+            life = _Life(self.num_begun, _OBJECT_HITS if stands else usual)
+            life.count(self.time, echo, stands)
             self._lives.append(life)
             self.num_begun += 1
 
@@ -418,6 +464,8 @@ class Tracker:
                 state_covariance=covariance,
                 is_detected=life.missed == 0,
                 is_confirmed=life.is_confirmed,
+                is_static=life.is_static,
+                is_observable=life.is_observable,
                 num_hits=life.hits,
                 nearest=life.nearest[0],
                 nearest_deviation=life.nearest[1],
@@ -444,6 +492,8 @@ class _Life:
     """History of a track; of few, numbers are counted faster one by one than in arrays."""
 
     id: int
+    needed: tuple[int, int]
+    """Detections, and the frames within which they confirm it."""
     seen: float = -np.inf
     """Time of the newest detection [s]."""
     hits: int = 0
@@ -455,8 +505,12 @@ class _Life:
     is_confirmed: bool = False
     nearest: Sequence[float] = (np.nan, np.nan)
     """Range of the nearest detection in the newest frame, and its standard deviation [m]."""
+    is_static: bool = False
+    is_observable: bool = True
+    is_held: bool = False
+    """True for a person who stopped near a known surface and gives no detections."""
 
-    def count(self, time: float, nearest: Sequence[float] | None, settings: TrackerSettings) -> None:
+    def count(self, time: float, nearest: Sequence[float] | None, is_static: bool) -> None:
         """Count a frame in which the target has detections, or None."""
         self.age += 1
         self.missed += 1
@@ -464,13 +518,14 @@ class _Life:
         if nearest is not None:
             self.missed, self.seen = 0, time
             self.hits += 1
-            self.is_confirmed |= self.hits >= settings.confirm_hits and self.age <= settings.confirm_frames
+            self.is_static = is_static
+            self.is_confirmed |= self.hits >= self.needed[0] and self.age <= self.needed[1]
 
-    def is_over(self, settings: TrackerSettings) -> bool:
+    def is_over(self, max_missed: int) -> bool:
         """True if it cannot be confirmed any more, or has not been detected for too many frames."""
         if self.is_confirmed:
-            return self.missed > settings.max_missed
-        return self.hits + max(settings.confirm_frames - self.age, 0) < settings.confirm_hits
+            return self.missed > max_missed
+        return self.hits + max(self.needed[1] - self.age, 0) < self.needed[0]
 
 
 def track(
@@ -479,6 +534,7 @@ def track(
     detector: Callable[[Frame], Detections] | None = None,
     smooth: bool = False,
     motion: AnyMotion | None = None,
+    static_map: StaticMap | None = None,
     **settings: Unpack[TrackerKeywords],
 ) -> Tracks:
     """Track the targets of a recording.
@@ -499,6 +555,8 @@ def track(
         before and after.
     motion : Motion, optional
         Of the sensor, see `Tracker`; tracks are then in the world.
+    static_map : StaticMap, optional
+        Known surfaces, see `Tracker`.
     **settings
         Those of `TrackerSettings`.
 
@@ -538,7 +596,7 @@ def track(
     first = next(items, None)
     if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
         settings.setdefault("velocity_ambiguity", 2.0 * first.radar.max_velocity)
-    tracker = Tracker(motion, **settings)
+    tracker = Tracker(motion, static_map, **settings)
     times, states = [], []
     for item in items if first is None else chain([first], items):
         if isinstance(item, Frame):

@@ -17,7 +17,7 @@ from radarcore.processing.tracking.kalman import Array, cartesian, polar
 from radarcore.recording.frame import Truth
 
 _COLUMNS = (
-    *("time", "state", "state_covariance", "is_detected", "is_confirmed"),
+    *("time", "state", "state_covariance", "is_detected", "is_confirmed", "is_static", "is_observable"),
     *("nearest", "nearest_deviation", "seen", "sensor_pose", "sensor_velocity", "sensor_age"),
 )
 """Fields that `Track` has a row of for each `TrackState`."""
@@ -100,6 +100,12 @@ class TrackState(_Coordinates[float]):
         Whether the frame had a detection of the target; the state is a prediction otherwise.
     is_confirmed : bool
         Whether the track had been detected often enough by then to be believed.
+    is_static : bool
+        Whether all of its newest detections were static, as of a person who stands or of an unknown object; False
+        unless targets are people.
+    is_observable : bool
+        False near a known surface of the `StaticMap`, and at the range of an echo of one: a person who stands still
+        there may give no detections of its own.
     num_hits : int
         Detections of the target until then.
     nearest, nearest_deviation : float
@@ -132,6 +138,8 @@ class TrackState(_Coordinates[float]):
     state_covariance: Array
     is_detected: bool
     is_confirmed: bool
+    is_static: bool
+    is_observable: bool
     num_hits: int
     nearest: float
     nearest_deviation: float
@@ -165,7 +173,7 @@ class Track(_Coordinates[Array]):
         Middle of the frame [s].
     state, state_covariance : (row, 2 d), (row, 2 d, 2 d) float64
         As in `TrackState`.
-    is_detected, is_confirmed : (row,) bool
+    is_detected, is_confirmed, is_static, is_observable : (row,) bool
         As in `TrackState`.
     nearest, nearest_deviation : (row,) float64
         As in `TrackState` [m].
@@ -193,6 +201,8 @@ class Track(_Coordinates[Array]):
     state_covariance: Array
     is_detected: NDArray[np.bool_]
     is_confirmed: NDArray[np.bool_]
+    is_static: NDArray[np.bool_]
+    is_observable: NDArray[np.bool_]
     nearest: Array
     nearest_deviation: Array
     seen: Array
@@ -294,7 +304,7 @@ def tracks_of(times: Sequence[float], frames: Sequence[Sequence[TrackState]]) ->
     for number, found in sorted(rows.items()):
         if not found[-1][1].is_confirmed:
             continue
-        last = max(k for k, (_, state) in enumerate(found) if state.is_detected)
+        last = max(k for k, (_, state) in enumerate(found) if state.is_detected or not state.is_observable)
         kept = [state for _, state in found[: last + 1]]
         tracks.append(
             Track(
@@ -367,6 +377,8 @@ def _row(track: Track, row: int) -> TrackState:
         state_covariance=track.state_covariance[row],
         is_detected=bool(track.is_detected[row]),
         is_confirmed=bool(track.is_confirmed[row]),
+        is_static=bool(track.is_static[row]),
+        is_observable=bool(track.is_observable[row]),
         num_hits=int(track.is_detected[: row + 1].sum()),
         nearest=float(track.nearest[row]),
         nearest_deviation=float(track.nearest_deviation[row]),

@@ -1,0 +1,204 @@
+"""Static surfaces that are known, and classes of detections by them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check, notice
+from radarcore.geometry.mesh import Mesh
+from radarcore.motion.group import Motions, sensor_state
+from radarcore.motion.protocol import AT_REST, AnyMotion, SensorState, as_motion
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.cluster import NO_PERIOD, coordinates, covariances, wrapped
+from radarcore.processing.tracking.kalman import Array, directions_of, over_ground
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+from radarcore.scene.body import Body
+
+CLASSES = ("moving", "known", "unknown")
+"""Classes of detections: moving, static at a known surface, static elsewhere."""
+
+_STATIC_SPEED = 0.15
+"""Echoes up to this speed are static [m/s]."""
+
+_SPACING = 0.1
+"""Distance of neighbouring points of a surface [m]."""
+
+_SHARE_OF_MOVING = 0.1
+"""A map is learnt without people: moving detections in a larger share of the frames are doubtful."""
+
+
+class StaticMap:
+    """Points on the static surfaces of a place: walls, floor, table, machines.
+
+    A person who stands still gives static echoes, as a wall does. Only a map of the known surfaces tells them apart.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like
+        In the world [m], about 0.1 m from each other.
+    distance : float
+        Static detections up to this far from a point are known [m].
+    hidden_distance : float
+        A person who stands still up to this far from a point may be lost among the echoes of the surface [m].
+
+    See Also
+    --------
+    Tracker : Takes it, and gives tracks to unknown static objects.
+
+    Examples
+    --------
+    >>> wall = rc.Body(rc.shapes.plate(4.0, 3.0), motion=rc.Pose([3.0, 0.0, 1.5]))
+    >>> known = rc.processing.StaticMap.of([wall])
+    >>> known.distances([[2.0, 0.0, 1.0]]).round(1).tolist()
+    [1.0]
+    >>> found = rc.Detections([3.0, 2.0, 1.5], [0.0, 0.0, -0.8], [0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [30.0, 30.0, 30.0])
+    >>> known.classify(found).tolist()
+    ['known', 'unknown', 'moving']
+    """
+
+    def __init__(self, points: ArrayLike, *, distance: float = 0.3, hidden_distance: float = 0.5) -> None:
+        from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+
+        self.points: Array = check.frozen(_thinned(check.array("points", points, (None, 3))))
+        self.distance: float = check.positive("distance", distance, "m")
+        self.hidden_distance: float = check.non_negative("hidden_distance", hidden_distance, "m")
+        self._tree = cKDTree(self.points)
+
+    @classmethod
+    def of(cls, bodies: Iterable[Body], *, distance: float = 0.3, hidden_distance: float = 0.5) -> StaticMap:
+        """Map of given bodies, which stand where their motions have them at time 0.
+
+        Examples
+        --------
+        >>> len(rc.processing.StaticMap.of([rc.Body(rc.shapes.box([1.0, 1.0, 1.0]))]).points)
+        1352
+        """
+        points = [np.zeros((0, 3))]
+        for body in bodies:
+            check.instance("bodies", body, Body)
+            points.append(body.motion.at(0.0).apply(_surface(body.mesh)))
+        return cls(np.concatenate(points), distance=distance, hidden_distance=hidden_distance)
+
+    @classmethod
+    def learnt(
+        cls,
+        source: Recording | Iterable[Detections | Frame],
+        motion: AnyMotion | None = None,
+        *,
+        distance: float = 0.3,
+        hidden_distance: float = 0.5,
+    ) -> StaticMap:
+        """Map of the static detections of some seconds without people.
+
+        Echoes of walls move with the sensor: let it move as it will later. About 5 s are enough.
+
+        Parameters
+        ----------
+        source : Recording or iterable of Detections or Frame
+        motion : Motion, optional
+            Of the sensor, see `Tracker`.
+        distance, hidden_distance : float
+            As of `StaticMap` [m].
+
+        Examples
+        --------
+        >>> wall = rc.Detections([3.0], [0.0], [0.0], [0.0], [30.0])
+        >>> rc.processing.StaticMap.learnt([wall]).points.tolist()
+        [[3.0, 0.0, 0.0]]
+        """
+        how = None if motion is None else Motions([as_motion("motion", motion)])
+        points, num_moving, num_frames = [np.zeros((0, 3))], 0, 0
+        for item in source.frames() if isinstance(source, Recording) else source:
+            found = detect(item) if isinstance(item, Frame) else item
+            check.instance("source", found, Detections)
+            sensor = AT_REST if how is None else sensor_state(how, found.time)
+            values = coordinates(found)
+            moves = is_moving(values, covariances(found), sensor)
+            num_frames, num_moving = num_frames + 1, num_moving + bool(moves.any())
+            places = places_of(values[~moves], sensor)
+            points.append(places[np.isfinite(places).all(axis=1)])
+        if num_moving > _SHARE_OF_MOVING * num_frames:
+            notice.warn(f"source: expected nobody, got moving detections in {num_moving} of {num_frames} frames")
+        return cls(np.concatenate(points), distance=distance, hidden_distance=hidden_distance)
+
+    def distances(self, places: ArrayLike) -> Array:
+        """Distances of places (n, 3) in the world from the nearest point [m]; inf without one."""
+        where = check.array("places", places, (None, 3))
+        return np.asarray(self._tree.query(where)[0])
+
+    def classify(self, detections: Detections, motion: AnyMotion | None = None) -> NDArray[np.str_]:
+        """Class of each detection: "moving", "known" or "unknown", the latter two static.
+
+        A static detection is known if a point of the map is within `distance` of any place where it may be by twice
+        the deviations of its angles.
+
+        Parameters
+        ----------
+        detections : Detections
+        motion : Motion, optional
+            Of the sensor, see `Tracker`.
+        """
+        check.instance("detections", detections, Detections)
+        how = None if motion is None else Motions([as_motion("motion", motion)])
+        sensor = AT_REST if how is None else sensor_state(how, detections.time)
+        values, covariance = coordinates(detections), covariances(detections)
+        known = np.where(self.is_known(values, covariance, sensor), 1, 2)
+        return np.array(CLASSES)[np.where(is_moving(values, covariance, sensor), 0, known)]
+
+    def is_known(
+        self, values: Array, covariance: Array, sensor: SensorState, coverage: float = 2.0
+    ) -> NDArray[np.bool_]:
+        """True for detections that may be at a known surface, by so many deviations of their angles."""
+        known = np.zeros(len(values), dtype=bool)
+        places, where = places_of(values, sensor), sensor.pose[:, 3]
+        reaches = self.distance + coverage * values[:, 0] * _angle_deviations(covariance)
+        for index in np.flatnonzero(np.isfinite(places).all(axis=1)):
+            near = self.points[self._tree.query_ball_point(places[index], reaches[index])]
+            ranges = np.linalg.norm(near - where, axis=1)
+            known[index] = bool((np.abs(ranges - values[index, 0]) <= self.distance).any())
+        return known
+
+
+def is_moving(values: Array, covariance: Array, sensor: SensorState, period: float = NO_PERIOD) -> NDArray[np.bool_]:
+    """True for detections that move over the ground, by more than errors of their angles explain."""
+    own = sensor.pose[:, :3].T @ sensor.velocity
+    limit = np.full(len(values), _STATIC_SPEED)
+    if own.any():
+        limit += 2.0 * _angle_deviations(covariance) * np.linalg.norm(own)
+    return np.asarray(np.abs(wrapped(over_ground(values, own), period)) > limit)
+
+
+def _angle_deviations(covariance: Array) -> Array:
+    """Larger deviation of azimuth and elevation (detection,) [rad]; 0 where neither is given."""
+    variances = np.fmax.reduce(covariance.diagonal(axis1=1, axis2=2)[:, 2:], axis=1, initial=0.0)
+    return np.asarray(np.sqrt(variances))
+
+
+def places_of(values: Array, sensor: SensorState) -> Array:
+    """Places of detections in the world (detection, 3) [m]."""
+    places: Array = values[:, :1] * directions_of(values) @ sensor.pose[:, :3].T + sensor.pose[:, 3]
+    return places
+
+
+def _surface(mesh: Mesh) -> Array:
+    """Points on the triangles of a mesh, nearer to each other than `_SPACING`."""
+    corners = mesh.vertices[mesh.triangles]  # (triangle, corner, axis)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    steps = np.maximum(np.ceil(longest / _SPACING), 1.0).astype(np.int64)
+    points = [mesh.vertices[:0]]
+    for number in np.unique(steps):
+        first, second = np.triu_indices(number + 1)
+        weights = np.stack([first, second - first, number - second], axis=1) / number
+        points.append((weights @ corners[steps == number]).reshape(-1, 3))
+    return np.concatenate(points)
+
+
+def _thinned(points: Array) -> Array:
+    """One of all points in each cube of half the spacing."""
+    _, first = np.unique(np.floor(points / (0.5 * _SPACING)), axis=0, return_index=True)
+    return points[np.sort(first)]

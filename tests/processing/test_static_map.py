@@ -1,0 +1,164 @@
+"""Known static surfaces: distances in plain geometry, classes of detections, people who stand still."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore.processing import StaticMap
+
+Array = NDArray[np.float64]
+
+WALL = rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([5.0, 0.0, 0.0]), name="wall")
+"""In the plane x = 5 m."""
+
+
+def seen(places: list[list[float]], time: float = 0.0, *, speed: float = 0.0, deviation: float = 0.02) -> rc.Detections:
+    """Detections of places (x, y) in the plane, with one range rate [m/s] and one deviation of the azimuth [rad]."""
+    x, y = np.array(places, dtype=np.float64).reshape(-1, 2).T
+    covariance = np.full((len(x), 4, 4), np.nan)
+    covariance[:, :3, :3] = np.diag(np.square([0.02, 0.05, deviation]))
+    nothing, level = np.full(len(x), np.nan), np.full(len(x), 30.0)
+    return rc.Detections(np.hypot(x, y), np.full(len(x), speed), np.arctan2(y, x), nothing, level, covariance, time)
+
+
+def test_points_of_bodies_are_near_all_of_their_surface() -> None:
+    box = rc.Body(rc.shapes.box([1.0, 2.0, 0.5]), motion=rc.Pose([3.0, 1.0, 0.25]))
+    known = StaticMap.of([WALL, box])
+    rng = np.random.default_rng(0)
+    on_wall = np.stack([np.full(200, 5.0), rng.uniform(-3.0, 3.0, 200), rng.uniform(-1.5, 1.5, 200)], axis=1)
+    assert known.distances(on_wall).max() < 0.1
+    assert known.distances(on_wall - [0.7, 0.0, 0.0]) == pytest.approx(0.7, abs=0.01)
+    assert known.distances([[2.5, 1.0, 0.25], [2.0, 1.0, 0.25], [3.0, 1.0, 0.25]]) == pytest.approx(
+        [0.0, 0.5, 0.25], abs=0.05
+    )
+    assert StaticMap(np.zeros((0, 3))).distances([[0.0, 0.0, 0.0]]) == np.inf
+
+
+def test_classes() -> None:
+    known = StaticMap.of([WALL])
+    places = [[5.0, 1.0], [4.8, 1.0], [4.5, 1.0], [2.0, 0.0]]
+    assert known.classify(seen(places)).tolist() == ["known", "known", "unknown", "unknown"]
+    assert known.classify(seen(places, speed=-0.3)).tolist() == ["moving"] * 4
+    # 1 m beside the wall along an arc, by 0.2 rad; twice the deviation reaches the wall, but not over all of the range.
+    wide = rc.Body(rc.shapes.plate(1.0, 3.0), motion=rc.Pose([5.0, 0.0, 0.0]))
+    assert StaticMap.of([wide]).classify(seen([[4.7, 1.7]], deviation=0.02)).tolist() == ["unknown"]
+    assert StaticMap.of([wide]).classify(seen([[4.7, 1.7]], deviation=0.2)).tolist() == ["known"]
+    assert StaticMap.of([wide]).classify(seen([[4.2, 1.5]], deviation=0.2)).tolist() == ["unknown"]
+
+
+def test_moving_sensor_classifies_in_the_world() -> None:
+    cart = rc.Linear(rc.Pose([1.0, 0.0, 0.0]), velocity=[0.5, 0.0, 0.0])
+    known = StaticMap.of([WALL])
+    ahead = seen([[3.5, 0.0]], time=1.0, speed=-0.5)  # the sensor is at 1.5 m
+    assert known.classify(ahead, cart).tolist() == ["known"]
+    assert known.classify(ahead).tolist() == ["moving"]
+    assert known.classify(seen([[2.5, 0.0]], time=1.0, speed=-0.5), cart).tolist() == ["unknown"]
+    assert known.classify(seen([[3.5, 0.0]], time=1.0), cart).tolist() == ["moving"]
+
+
+def test_learnt_map_knows_what_stood_there() -> None:
+    cart = rc.Linear(rc.Pose(), velocity=[0.0, 0.5, 0.0])
+    frames = [seen([[3.0, 0.0], [5.0, 1.0 - 0.5 * k / 40]], k / 40) for k in range(20)]  # the first one moves along
+    known = StaticMap.learnt(frames, cart)
+    assert known.distances([[3.0, 0.2, 0.0], [5.0, 1.0, 0.0]]) == pytest.approx(0.0, abs=0.05)
+    assert known.distances([[4.0, 0.0, 0.0]]) == pytest.approx(1.0, abs=0.05)
+    with pytest.warns(UserWarning, match="expected nobody, got moving detections in 3 of 20 frames"):
+        StaticMap.learnt([seen([[3.0, 0.0]], k / 40, speed=1.0 * (k < 3)) for k in range(20)])
+
+
+def followed(frames: list[rc.Detections], known: StaticMap | None) -> list[list[rc.processing.TrackState]]:
+    tracker = rc.Tracker(static_map=known, targets="people")
+    return [[state for state in tracker.update(found) if state.is_confirmed] for found in frames]
+
+
+def test_standing_person_is_an_unknown_object_and_a_wall_is_none() -> None:
+    frames = [seen([[2.0, 0.5], [5.0, 0.0]], k / 40) for k in range(40)]
+    states = followed(frames, StaticMap.of([WALL]))
+    assert [len(each) for each in states[:4]] == [0] * 4
+    (one,) = states[-1]
+    assert all(len(each) == 1 for each in states[7:])
+    assert one.position == pytest.approx([2.0, 0.5, 0.0], abs=0.02)
+    assert one.is_static
+    assert one.is_observable
+    assert not any(followed(frames, None))
+    walking = followed([seen([[4.0 - k / 40, 0.0]], k / 40, speed=-1.0) for k in range(40)], StaticMap.of([WALL]))
+    assert not walking[-1][0].is_static
+
+
+def test_objects_at_the_range_of_a_known_echo_may_be_hidden() -> None:
+    found = [seen([[2.0, 0.0], [5.0 * np.cos(0.3), 5.0 * np.sin(0.3)]], k / 40) for k in range(20)]
+    known = StaticMap([[2.0 * np.cos(0.5), 2.0 * np.sin(0.5), 0.0]])
+    hiding = [seen([[2.0, 0.0], [2.0 * np.cos(0.5), 2.0 * np.sin(0.5)]], k / 40) for k in range(20)]
+    assert all(state.is_observable for state in followed(found, known)[-1])
+    assert [state.is_observable for state in followed(hiding, known)[-1]] == [False]
+
+
+def approach(stop: float, num_missed: int) -> list[rc.Detections]:
+    """Somebody who walks along x from 2 m, slows down until `stop` [m], gives no echoes, and walks back."""
+    times = np.arange(400) / 40
+    speeds = np.interp(times, [0.0, 1.0, 1.5], [1.0, 1.0, 0.1])
+    x = 2.0 + np.cumsum(speeds) / 40
+    way = [seen([[place, 0.0]], time, speed=v) for time, place, v in zip(times, x, speeds, strict=True) if place < stop]
+    start = len(way) + num_missed
+    nothing = [seen([], k / 40) for k in range(len(way), start)]
+    return [*way, *nothing, *(seen([[stop - k / 80, 0.0]], (start + k) / 40, speed=-0.5) for k in range(20))]
+
+
+@pytest.mark.parametrize(("where", "is_held"), [(3.7, True), (4.5, False)])
+def test_person_who_stops_near_a_surface_keeps_the_track(where: float, is_held: bool) -> None:
+    wall = rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([where, 0.0, 0.0]))
+    stop, num_missed = 3.4, 200
+    tracks = followed(approach(stop, num_missed), StaticMap.of([wall]))
+    waiting = tracks[-30]
+    if not is_held:
+        assert not waiting
+        return
+    (one,) = waiting
+    assert (one.is_detected, one.is_observable) == (False, False)
+    assert one.position[0] == pytest.approx(stop, abs=0.15)
+    assert np.linalg.norm(one.motion) < 1e-9
+    assert [state.id for state in tracks[-1]] == [one.id]  # walks on
+    assert tracks[-1][0].is_detected
+    (near,) = rc.separation(waiting, [rc.Body(rc.shapes.sphere(0.1))], time=one.time + 0.1)
+    assert near.age == pytest.approx(0.1)  # a person who moved would have been detected
+    recorded = rc.track(approach(stop, num_missed), static_map=StaticMap.of([wall]), targets="people")
+    assert recorded[0].time[-1] == tracks[-1][0].time
+
+
+def test_simulated_person_stands_in_a_room() -> None:
+    arm = rc.models.RobotArm.ur10().moving(
+        lambda t: np.deg2rad([15.0 * np.sin(1.5 * t), -112.0, 134.6, -22.6, 90.0, 0.0]), base=rc.Pose([0.0, 0.0, 0.7])
+    )
+    motion = rc.Attached(arm.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ rc.models.RADAR_AT_TOOL0)
+    plaster = rc.materials["plasterboard"]
+    room = rc.Body(rc.shapes.box([7.0, 6.0, 2.8]), material=plaster, motion=rc.Pose([2.5, 0.0, 1.4]))
+    person = rc.models.Human(speed=0.0, path=[[2.4, -0.4], [0.0, 0.0]])
+    radar = rc.bgt60tr13c(max_velocity=6.0)
+    found: dict[bool, list[list[rc.processing.TrackState]]] = {}
+    for is_there in (False, True):
+        simulator = rc.Simulator(rc.Scene([room, *person.bodies()] if is_there else [room]), radar, radar_motion=motion)
+        tracker = rc.Tracker(
+            motion, StaticMap.of([room]), targets="people", velocity_ambiguity=2.0 * radar.max_velocity
+        )
+        found[is_there] = [tracker.update(rc.detect(simulator.frame(k / 40))) for k in range(30)]
+    assert not any(state.is_confirmed for states in found[False] for state in states)
+    is_found = [
+        any(state.is_confirmed and np.hypot(*(state.position[:2] - [2.4, -0.4])) < 0.4 for state in states)
+        for states in found[True]
+    ]
+    assert np.mean(is_found[8:]) >= 0.95
+
+
+def test_refusals() -> None:
+    known = StaticMap([[1.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match="static_map: expected targets=\"people\", got 'points'"):
+        rc.Tracker(static_map=known)
+    with pytest.raises(TypeError, match="static_map: expected StaticMap, got list"):
+        rc.Tracker(static_map=[WALL], targets="people")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="distance: expected"):
+        StaticMap(np.zeros((0, 3)), distance=0.0)
+    with pytest.raises(ValueError, match="points"):
+        StaticMap([[1.0, 0.0]])
