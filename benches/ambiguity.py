@@ -22,23 +22,24 @@ TEXT = """\
 Doppler measures velocities up to whole periods of `2 * radar.max_velocity`.
 
 - **Doppler-division multiplex with an empty band** (`rc.Schedule.ddm(np.arange(n) / (n + 1))`): `rc.detect` finds the
-  empty band and with it the first transmitter. All velocities up to `waveform.max_velocity` are unambiguous, and the
-  direction is of all pairs of antennas. Two echoes at one range, whole bands apart, are one detection.
+  empty band and thus the first transmitter. All velocities up to `waveform.max_velocity` are unambiguous, and the
+  direction uses all pairs of antennas. Two echoes at one range that differ by whole bands are one detection.
 - **Transmitters in turn, or a single one**: `rc.processing.velocity_hypotheses(frame, detections, max_velocity=...)`
-  returns all possible velocities, each with its probability, range and direction. The likelihood is of all samples:
-  the range moves within the frame, and the phases of later transmitters turn. `.resolved()` takes the most probable
-  one, and NaN for velocity and angles where it has less than 99 %. For recordings, it is the detector of a tracker:
+  returns all possible velocities, each with its probability, range and direction. The likelihood uses all samples,
+  with range migration and the phases of later transmitters. `.resolved()` chooses the most probable velocity, or NaN
+  for velocity and angles if its probability is below 99 %. For recordings, pass it as the detector of a tracker:
 
 ```python
 def detector(frame):
     return rc.processing.velocity_hypotheses(frame, rc.detect(frame), max_velocity=9.0).resolved()
 ```
 
-`rc.track(recording, detector=detector, velocity_ambiguity=None)` takes it.
+Call `rc.track(recording, detector=detector, velocity_ambiguity=None)`.
 
 Measured on {frames} simulated frames per line, at 77 GHz, 64 chirps, random velocities and directions, a target at 5 to
-12 m. Written by `python benches/ambiguity.py --write`. "right": within half a velocity bin, and at least 99 % sure
-where there are hypotheses. "mean probability" is the one of the best hypothesis; "best right": how often it is.
+12 m. Written by `python benches/ambiguity.py --write`. "right": within half a velocity bin, and a probability of
+at least 99 % for hypotheses. "mean probability" is of the best hypothesis, "best right" the share of frames in which
+it is right.
 
 {table}
 """

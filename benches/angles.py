@@ -19,18 +19,18 @@ from page import DOCS, table, write_section
 TEXT = """\
 ## Two targets in one cell
 
-Written by `python benches/angles.py --write`. SNR: of the stronger target, in its cell of one channel; the weaker one
-is up to {difference:.0f} dB below. Phases and directions up to 50 degrees from the front are random.
+Written by `python benches/angles.py --write`. The SNR is of the stronger target, in its cell of one channel; the weaker
+target is up to {difference:.0f} dB below. Phases and directions up to 50 degrees from the front are random.
 
 `rc.bgt60tr13c()` has three channels in an L. A direction is wrong if it is farther than a third of the beam width from
-both targets. Any three phases fit one wave, so that unequal amplitudes alone show the second target. Where the
-unexplained power is below the noise of a channel, no residual can show it.
+both targets. Any three phases fit one wave, so only unequal amplitudes reveal the second target. A residual below the
+noise of a channel cannot reveal it.
 
 {three}
 
-Rows of channels half a wavelength apart, `rc.detect` of {frames} simulated frames per line, SNR 20 to 30 dB. Errors
-are relative to the covariance: the root of the mean squared error over its variance and the number of angles. "of
-both": of two detections; "of one": of the only one with `max_directions=1`. Beam widths are half-power widths.
+Uniform arrays with half-wavelength spacing, `rc.detect` of {frames} simulated frames per line, SNR 20 to 30 dB. Errors
+are rms errors divided by the predicted standard deviation. "of both": for two detections; "of one": for the single
+detection with `max_directions=1`. Beam widths are half-power widths.
 
 {arrays}
 """

@@ -74,8 +74,8 @@ def main() -> None:
     joint_elapsed = time.perf_counter() - began
     print(f"strongest peak on the person        of {len(recording)} frames   of {is_moving.sum()} with a moving arm")
     for name, one in (
-        ("samples as they are", recording),
-        ("mean over the chirps taken off", rc.remove_static(recording, [0.0, 0.0, 0.0])),
+        ("unfiltered", recording),
+        ("mean of the chirps subtracted", rc.remove_static(recording, [0.0, 0.0, 0.0])),
         ("remove_static", filtered),
         ('remove_static, "space-time"', joint),
     ):
