@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.direction import unit_vectors
 from radarcore.processing.detection.point_cloud import COORDINATES, Detections
-from radarcore.processing.tracking.kalman import Array, normalized_squares
+from radarcore.processing.tracking.kalman import Array, directions_of, normalized_squares
 
 Indices = NDArray[np.int64]
 
@@ -194,10 +193,9 @@ def pairs_within(values: Array, distance: float | None, velocity: float | None, 
     else:
         from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
 
-        points = values[:, :1]
-        if values.shape[1] > 2 and not np.isnan(values[:, 2]).any():
-            elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
-            points = points * unit_vectors(values[:, 2], elevation)
+        points, towards = values[:, :1], directions_of(values)
+        if not np.isnan(towards).any():
+            points = points * towards
         known = np.flatnonzero(np.isfinite(points).all(axis=1))
         one, other = known[cKDTree(points[known]).query_pairs(distance, output_type="ndarray")].T
     if velocity is not None:
@@ -229,14 +227,12 @@ def connected(number: int, pairs: Indices, fewest: int = 1) -> Indices:
     is_core = 1 + np.bincount(pairs.ravel(), minlength=number) >= fewest
     inner = pairs[:, is_core[pairs].all(axis=0)]
     labels, (first, second) = np.arange(number), inner
-    while (
-        labels[first] != labels[second]
-    ).any():  # each takes the lowest label of its neighbours, and that one's label
+    while (labels[first] != labels[second]).any():  # each takes its neighbours' lowest label, and that one's label
         lowest = np.minimum(labels[first], labels[second])
         np.minimum.at(labels, first, lowest)
         np.minimum.at(labels, second, lowest)
         labels = labels[labels]
-    labels = np.unique(labels, return_inverse=True)[1]
+    labels = np.asarray((labels == np.arange(number)).cumsum()[labels]) - 1  # in the order of the first members
     if is_core.all():
         return labels
 
@@ -253,14 +249,14 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
 
     `values` (detection, n), their `covariance` and `periods` are of as many coordinates as wanted.
     """
-    order = np.argsort(labels, kind="stable")
-    order = order[labels[order] >= 0]
+    order = labels.argsort(kind="stable")[np.count_nonzero(labels < 0) :]
     if len(order) == 0:
         none = np.zeros(0)
         return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none.astype(np.int64))
-    is_first = np.diff(labels[order], prepend=-1) > 0
-    starts, group = is_first.nonzero()[0], is_first.cumsum() - 1
-    names, counts = labels[order][starts], np.bincount(group)
+    counts = np.bincount(labels[order])
+    (names,) = counts.nonzero()
+    counts = counts[names]
+    starts, group = counts.cumsum() - counts, np.arange(len(names)).repeat(counts)
 
     # Weights of each coordinate, adding up to 1 over the detections that tell it.
     values, level = values[order], level[order]
@@ -289,7 +285,7 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     is_unknown = total == 0.0
     of_mean[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
-    by_range = np.argsort(mean[:, 0], kind="stable")
+    by_range = mean[:, 0].argsort(kind="stable")
     place = np.full(len(labels) + 1, -1)  # the last of a detection without a group
     place[names[by_range]] = np.arange(len(names))
     snr_db = strongest + 10.0 * np.log10(np.add.reduceat(power, starts))

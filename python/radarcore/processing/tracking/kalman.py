@@ -306,7 +306,8 @@ def over_ground(measured: Array, velocity: Array) -> Array:
 def directions_of(measured: Array) -> Array:
     """Unit vectors (target, 3) towards measured targets; unknown elevations, and azimuths of ranges alone, are 0."""
     azimuth = measured[:, 2] if measured.shape[1] > 2 else np.zeros(len(measured))
-    return unit_vectors(azimuth, np.nan_to_num(measured[:, 3]) if measured.shape[1] > 3 else 0.0)
+    elevation = np.where(np.isnan(measured[:, 3]), 0.0, measured[:, 3]) if measured.shape[1] > 3 else 0.0
+    return unit_vectors(azimuth, elevation)
 
 
 def to_world(state: Array, covariance: Array, pose: Array, velocity: Array) -> tuple[Array, Array]:

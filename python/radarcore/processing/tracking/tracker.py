@@ -336,7 +336,8 @@ class Tracker:
         is_new = np.ones(len(measured), dtype=bool)
         is_new[chosen] = False
         is_new &= ~(found.covariance.diagonal(axis1=1, axis2=2)[:, 2:] > _VAGUE).any(axis=1)
-        self._begin(measured[is_new], noise[is_new], nearest[is_new], is_static[is_new])
+        if is_new.any():
+            self._begin(measured[is_new], noise[is_new], nearest[is_new], is_static[is_new])
         return self._states()
 
     def _look_for_hidden(self, ranges: Array) -> None:
@@ -369,6 +370,8 @@ class Tracker:
     def _with_usual_errors(self, covariance: Array) -> Array:
         """Covariances of detections, with the usual errors where detections do not tell theirs."""
         unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
+        if not unknown.any():
+            return covariance
         number = covariance.shape[1]
         usual = np.diag(np.square(self.settings.deviations))[:number, :number]
         return np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
