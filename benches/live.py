@@ -69,7 +69,7 @@ def person() -> tuple[rc.Mesh, rc.Mesh]:
     segments = {
         body.name.partition("/")[2]: merged_mesh([(body.mesh, body.motion.at(0.0))])
         for fine in (False, True)
-        for body in Human(speed=0.0).bodies(name="person", subdivisions=5 if fine else 4)
+        for body in Human(speed=0.0, breathing=None).bodies(name="person", subdivisions=5 if fine else 4)
         if fine == body.name.endswith("trunk")
     }
     lower = [(mesh, rc.Pose()) for name, mesh in segments.items() if name not in UPPER]

@@ -33,6 +33,10 @@ REFUSED: tuple[tuple[Call, str], ...] = (
     (lambda: Human(height=5.9), r"height: expected at most 3 m, got 5.9; centimetres\?"),
     (lambda: Human(height=1.75, mass=7.0), r"mass: expected 18.4 to 796 kg for a height of 1.75 m, got 7"),
     (lambda: Human(height=1.75, mass=7e4), r"mass: expected 18.4 to 796 kg for a height of 1.75 m, got 70000"),
+    (
+        lambda: Human(breathing=15),
+        r"breathing: expected at most 2 breaths per second \[Hz\], got 15; breaths per minute\?",
+    ),
     (lambda: rc.Material.dielectric(-4), "permittivity: expected eps' of at least 1 .* got -4"),
     (lambda: rc.Material.dielectric(0.4 - 0.01j), "permittivity: expected eps' of at least 1 .* got "),
     (lambda: rc.Material.dielectric(2.5, roughness=50.0), r"roughness: expected at most 1 m, got 50; micrometres\?"),

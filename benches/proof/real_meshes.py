@@ -112,7 +112,8 @@ def arm(posture_deg: Iterable[float], base: list[float]) -> list[rc.Body]:
 @cache
 def human_of_meshes() -> list[rc.Body]:
     """At the origin, facing +x."""
-    return Human(speed=0.0, path=[[0.0, 0.0], [1.0, 0.0]]).mesh_bodies(material=rc.materials["perfect_conductor"])
+    human = Human(speed=0.0, path=[[0.0, 0.0], [1.0, 0.0]], breathing=None)
+    return human.mesh_bodies(material=rc.materials["perfect_conductor"])
 
 
 def human(heading_deg: float, place: list[float]) -> list[rc.Body]:

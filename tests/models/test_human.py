@@ -210,7 +210,7 @@ def test_mass_and_material_are_the_users():
 
 
 def test_standing_person_is_upright_and_known_to_be_still():
-    human = Human(speed=0.0, path=[[2, 1], [2, 5]])
+    human = Human(speed=0.0, path=[[2, 1], [2, 5]], breathing=None)
     bodies = human.bodies()
     assert rc.Scene(bodies).is_static
     corners = np.concatenate([body.motion.at(0.0).apply(body.mesh.vertices) for body in bodies])
@@ -302,7 +302,7 @@ def test_real_meshes_are_closed_upright_and_on_the_floor():
 
 @needs_robots
 def test_real_meshes_standing_are_those_of_the_model():
-    human = Human(speed=0.0, path=[[0, 0], [1, 0]])
+    human = Human(speed=0.0, path=[[0, 0], [1, 0]], breathing=None)
     bodies = human.mesh_bodies()
     assert rc.Scene(bodies).is_static
     corners = np.concatenate([body.motion.at(0.0).apply(body.mesh.vertices) for body in bodies])

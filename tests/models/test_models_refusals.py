@@ -33,6 +33,9 @@ def path(*waypoints: list[float]) -> FloorPath:
     ("call", "error", "message"),
     [
         (lambda: Human(speed=3.5), ValueError, r"speed: expected at most 2.78 m/s for a height of 1.75 m .* got 3.5"),
+        (lambda: Human(breathing=0.0), ValueError, r"breathing: expected a positive number \[Hz\], got 0.0"),
+        (lambda: Human(breathing=float("nan")), ValueError, r"breathing: expected a finite number \[Hz\], got nan"),
+        (lambda: Human(breathing="slow"), TypeError, r"breathing: expected a number \[Hz\], got 'slow'"),
         (lambda: Human(path=[[0, 0]]), ValueError, "path: expected at least two waypoints, got 1"),
         (lambda: Human().segment_motion("tail"), ValueError, r"name: expected one of 'pelvis', .* got 'tail'"),
         (lambda: path([0, 0], [1, 0], [1, 0]), ValueError, "apart from each other, got the same at 1 and 2"),

@@ -124,7 +124,7 @@ def cases() -> Iterator[tuple[str, Case]]:
     yield "RobotArm at rest", moved(UR10.moving(np.ones(6), TURNING).link_motion("tool0"))
     for speed in (0.0, 1.4):
         person = rc.models.Human(path=PATH, speed=speed)
-        for segment in ("pelvis", "left_hand", "right_foot"):
+        for segment in ("pelvis", "trunk", "right_shank", "left_hand", "right_foot"):
             yield f"Human at {speed} m/s, {segment}", moved(person.segment_motion(segment))
 
 

@@ -272,6 +272,14 @@ def test_human_and_point_have_all_their_keys(tmp_path: Path) -> None:
         assert body.motion.at(0.8) == other.motion.at(0.8)
 
 
+@pytest.mark.parametrize(("line", "breathing"), [("", 0.25), ("breathing = 0.4", 0.4), ("breathing = 0", None)])
+def test_standing_human_breathes_as_the_file_says(tmp_path: Path, line: str, breathing: float | None) -> None:
+    bodies = bodies_of(load(tmp_path, f"[[human]]\nspeed = 0\npath = [[3, 0], [0, 0]]\n{line}"))
+    expected = rc.models.Human(speed=0.0, path=[[3, 0], [0, 0]], breathing=breathing).bodies()
+    for body, other in zip(bodies, expected, strict=True):
+        assert body.motion.at(0.8) == other.motion.at(0.8)
+
+
 def test_radar_has_all_its_keys(tmp_path: Path) -> None:
     waveform: dict[str, Any] = {"start_frequency": 77e9, "slope": -20e12, "sample_rate": 5e6, "num_samples": 32}
     waveform |= {"num_chirps": 3, "chirp_times": [0.0, 1e-4, 3e-4], "frame_interval": 0.01, "adc_delay": 1e-6}

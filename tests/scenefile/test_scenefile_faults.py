@@ -76,6 +76,7 @@ FAULTS = [
     ),
     (f"[[arm]]\n{NO_ANGLES}", "arm[0] 'arm': joints.angles_deg: expected 6 values (shoulder_pan_joint, shoulder_"),
     ("[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]", "human[0] 'human': speed: expected at most 2.78 m/s"),
+    ("[[human]]\nbreathing = 15\npath = [[3, 0], [5, 0]]", "human[0] 'human': breathing: expected at most 2 breaths"),
     ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
     ("[run]\nfield_of_view_deg = [190, 60]", "run: field_of_view_deg: expected angles between 0 and 180 degrees"),
     ("[sensor]\nalong_z = 0.05", "sensor: along_z: expected attached_to as well"),

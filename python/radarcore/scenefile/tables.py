@@ -208,16 +208,17 @@ class PointTable(Table):
 
 
 class HumanTable(Table):
-    """A walking person."""
+    """A person who walks, or stands at a speed of 0."""
 
     name: str = _key("human", "", "prefix of the names of the segments")
     height: float = _key(1.75, "m", "body height")
-    speed: float = _key(1.4, "m/s", "mean walking speed")
+    speed: float = _key(1.4, "m/s", "mean walking speed; 0: stands at the first waypoint")
     path: list[tuple[float, float]] = _key(..., "m", "waypoints on the floor, x and y, at least two")
     turn_radius: float = _key(0.4, "m", "smallest radius of the turns")
     start_time: float = _key(0.0, "s", "time at the first waypoint")
     phase: float = _key(0.0, "", "phase of the gait cycle at that time; the right heel strikes at 0")
     mass: float | None = _key(None, "kg", "body mass; default: by the height")
+    breathing: float = _key(0.25, "Hz", "breaths per second when standing; 0: a statue that does not sway either")
     material: AnyMaterial = _key("skin", "", _MATERIAL)
     meshes: bool = _key(False, "", "real human meshes (extra `robots`) in place of spheroids")
 
@@ -415,6 +416,6 @@ class SceneTable(Table):
     material: list[NamedMaterialTable] = _key([], "", "materials that bodies refer to")
     body: list[BodyTable] = _key([], "", "rigid bodies")
     point: list[PointTable] = _key([], "", "ideal point targets")
-    human: list[HumanTable] = _key([], "", "walking people")
+    human: list[HumanTable] = _key([], "", "people who walk or stand")
     arm: list[ArmTable] = _key([], "", "robot arms")
     interferer: list[InterfererTable] = _key([], "", "other radars")

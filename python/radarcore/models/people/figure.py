@@ -1,4 +1,4 @@
-"""A figure of rigid segments that walks: the poses of all segments from the angles of the gait."""
+"""A figure of rigid segments that walks or stands: the poses of all segments from the angles of the joints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
-from radarcore.models.people import gait
+from radarcore.models.people import gait, standing
 from radarcore.models.people.path import FloorPath
 from radarcore.motion.protocol import LinkMotion, Links, Motion
 from radarcore.scene.body import Body
@@ -47,6 +47,12 @@ class Walk:
     path: FloorPath
     start_time: float
     phase: float
+    breathing: float | None = None
+
+    @property
+    def is_static(self) -> bool:
+        """True for a person who stands and does not breathe."""
+        return self.speed == 0.0 and self.breathing is None
 
     @property
     def relative_speed(self) -> float:
@@ -60,7 +66,7 @@ class Walk:
 
 
 class Skeleton(NamedTuple):
-    """Positions of the joints, (3,) each [m]; limbs are those of the left side, the right ones mirrored."""
+    """Positions of the joints, (3,) each [m]; limbs of the left side; the right side is its mirror image."""
 
     waist: Floats
     """Centre of the trunk's turns, from midway between the hips, in the axes of the pelvis."""
@@ -83,7 +89,7 @@ class Skeleton(NamedTuple):
 
 
 class Figure(Links):
-    """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
+    """A skeleton that walks or stands as a person does: poses and rates of all segments, together and one by one."""
 
     def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
         self._walk = walk
@@ -93,12 +99,14 @@ class Figure(Links):
         self._reach = _reach(self._carried)
         self._hip_height = HIP_HEIGHT * walk.height
         self._lift = lift
+        self._leg = float((skeleton.knee + skeleton.ankle)[2])
+        self._sway_phases = standing.random_phases(walk.phase, *walk.path.waypoints[0])
 
     def motion(self, name: str) -> Motion:
-        """Motion of a segment; a `Pose` when the person stands."""
+        """Motion of a segment; a `Pose` when the person is static."""
         index = SEGMENTS.index(check.choice("name", name, SEGMENTS))
         motion = LinkMotion(self, index)
-        return motion if self._walk.speed > 0.0 else motion.at(0.0)
+        return motion.at(0.0) if self._walk.is_static else motion
 
     def bodies(self, meshes: dict[str, Mesh], material: Material | None, name: str) -> list[Body]:
         """Bodies of the segments' meshes."""
@@ -127,6 +135,7 @@ class Figure(Links):
         walk = self._walk
         elapsed = check.numbers("times", times) - walk.start_time
         turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders, _TURNS)
+        chest = self._sway(elapsed, turns, root)
         place, heading, curvature = walk.path.points_at(walk.speed * elapsed)
         turns[0, :, 0] += heading[:, None]
         # The root sways about its place on the path, in axes that turn with the heading.
@@ -138,7 +147,28 @@ class Figure(Links):
         on_floor = np.exp(1j * heading) * sway
         on_floor[0] += place
         root[..., 0], root[..., 1] = on_floor.real, on_floor.imag
-        return _maps(turns, root, self._reach)
+        maps = _maps(turns, root, self._reach)
+        if chest is not None:
+            forward, trunk = maps[:, :, _TRUNK, :, 0], maps[:, :, _TRUNK, :, 3]
+            trunk += chest[0, :, None] * forward
+            trunk[1:] += chest[1:, :, None] * forward[0]
+        return maps
+
+    def _sway(self, elapsed: Floats, turns: Floats, root: Floats) -> Floats | None:
+        """Sway of a person who stands, added to angles and root, and displacement of the chest (orders, n) [m]."""
+        walk = self._walk
+        if walk.speed > 0.0 or walk.breathing is None:
+            return None
+        lean, roll, chest = standing.posture(elapsed, walk.breathing, self._sway_phases, len(turns))
+        turns[:, :, 2, _ABOVE_THE_FEET] += lean[..., None]
+        turns[:, :, 1, _BETWEEN_HIPS_AND_FEET] += roll[..., None]
+        # The ankles stay in place. Hips are the upper ends of legs that turn about the ankles by Rx Ry.
+        (cx, sx), (cy, sy) = ((np.cos(angle[0]), np.sin(angle[0])) for angle in (roll, lean))
+        root[0] -= self._leg * np.stack([sy, -sx * cy, cx * cy - 1.0], axis=-1)
+        for rate, along, about in zip(root[1:], lean[1:], roll[1:], strict=True):
+            turned = [along * cy, along * sx * sy - about * cx * cy, -along * cx * sy - about * sx * cy]
+            rate -= self._leg * np.stack(turned, axis=-1)
+        return np.asarray(chest)
 
     def _gait(self, phase: Floats, orders: int, sums: Floats) -> tuple[Floats, Floats]:
         """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
@@ -221,6 +251,10 @@ _TURNS = _turns()
 # The segment that carries the origin of each of SEGMENTS, at a fixed place in its axes.
 _CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
 
+
+_TRUNK = SEGMENTS.index("trunk")
+_ABOVE_THE_FEET = [k for k, name in enumerate(SEGMENTS) if not name.endswith("foot")]
+_BETWEEN_HIPS_AND_FEET = [k for k, name in enumerate(SEGMENTS) if name.endswith(("thigh", "shank"))]
 
 _LEG = [SEGMENTS.index(name) for name in ("pelvis", "right_thigh", "right_shank", "right_foot")]
 """All that carries the right foot, and itself."""

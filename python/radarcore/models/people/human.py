@@ -1,4 +1,4 @@
-"""A walking person: 16 rigid segments that follow the gait model along a path, as spheroids or as real meshes."""
+"""A person who walks or stands: 16 rigid segments that follow the gait along a path, as spheroids or real meshes."""
 
 from __future__ import annotations
 
@@ -20,15 +20,19 @@ from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 
 _TALLEST = 3.0
-"""Height above which it is hardly that of a person in metres [m]."""
+"""Largest plausible height of a person [m]."""
 
 _MASS_INDICES = (6.0, 260.0)
 """Limits of mass over height squared [kg/m^2]; reported extremes are 7.5 and 251."""
 
 
+_FASTEST_BREATHING = 2.0
+"""Fastest breathing [Hz]: infants breathe once per second."""
+
+
 @sealed
 class Human(Links):
-    """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
+    """A person who walks or stands, of 16 rigid segments, every one with its exact pose and velocity at any time.
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
     `radarcore.models.people.gait`), which depends on speed and height alone. The person stays upright, faces where the
@@ -36,7 +40,11 @@ class Human(Links):
     accelerations and their derivatives are continuous, in turns of the path too.
 
     The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
-    at running speeds by more. The lowest point of a cycle touches the floor z = 0. Nor does it lean into turns.
+    at running speeds by more. The lowest point of a cycle touches the floor z = 0. It does not lean into turns.
+
+    A person who stands breathes and sways: the chest moves by 4 mm with every breath, and the body turns about the
+    ankles by 0.26 degrees rms forward and back, the legs by 0.22 degrees to the sides (published amplitudes, see
+    `radarcore.models.people.standing`). The feet rest. A person who walks does neither, as the gait hides both.
 
     Parameters
     ----------
@@ -53,14 +61,18 @@ class Human(Links):
         Time at which the pelvis is at the first waypoint [s].
     phase : float
         Phase of the gait at `start_time` in cycles of two steps: the right heel strikes at 0, the left one at 0.5.
+        People who stand sway differently at different places, and with different phases.
     mass : float, optional
-        Body mass [kg], for the volumes; default: that of 70 kg at 1.75 m, in proportion to the square of the height.
+        Body mass [kg], for the volumes; default: 70 kg at 1.75 m, in proportion to the square of the height.
+    breathing : float, optional
+        Breaths per second of a person who stands [Hz], at most 2. With None the person is as still as a statue, and
+        frames are simulated faster.
 
     Raises
     ------
     ValueError
-        For a height above 3 m, an impossible mass for that height, a speed above the model's limit, and for a path with
-        legs too short for its turns.
+        For a height above 3 m, an impossible mass for that height, a speed above the model's limit, more than 2 breaths
+        per second, and for a path with legs too short for its turns.
 
     See Also
     --------
@@ -87,6 +99,7 @@ class Human(Links):
         start_time: float = 0.0,
         phase: float = 0.0,
         mass: float | None = None,
+        breathing: float | None = 0.25,
     ) -> None:
         self.height: float = check.positive("height", height, "m")
         if self.height > _TALLEST:
@@ -110,7 +123,13 @@ class Human(Links):
                 f"mass: expected {lightest:.3g} to {heaviest:.3g} kg for a height of {self.height:g} m, "
                 f"got {self.mass:g}"
             )
-        self._walk = Walk(self.height, self.speed, self.path, self.start_time, self.phase)
+        self.breathing: float | None = None if breathing is None else check.positive("breathing", breathing, "Hz")
+        if self.breathing is not None and self.breathing > _FASTEST_BREATHING:
+            raise ValueError(
+                f"breathing: expected at most {_FASTEST_BREATHING:g} breaths per second [Hz], got {self.breathing:g}; "
+                "breaths per minute? 0.25 is 15 per minute"
+            )
+        self._walk = Walk(self.height, self.speed, self.path, self.start_time, self.phase, self.breathing)
         self._spheroids = spheroids(self.height, self.mass)
         self._figure = Figure(self._walk, skeleton(self.height), _lift(self.height, self.speed, self.mass))
 
@@ -199,7 +218,7 @@ def _spheroid(semi_axes: tuple[float, ...], center: tuple[float, ...], subdivisi
 
 @lru_cache(maxsize=64)
 def _lift(height: float, speed: float, mass: float) -> float:
-    """Lift of a person of spheroids, which depends neither on path nor time [m]."""
+    """Lift of a person of spheroids, which is independent of path and time [m]."""
     walk = Walk(height, speed, FloorPath([[0.0, 0.0], [1.0, 0.0]], 0.4), 0.0, 0.0)
     return lift_of(walk, skeleton(height), spheroids(height, mass)["foot"].lowest)
 

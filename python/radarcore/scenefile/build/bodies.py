@@ -145,7 +145,7 @@ class Parts:
         return read
 
     def _human(self, table: HumanTable) -> list[Body]:
-        walk = table.model_dump(exclude={"name", "material", "meshes"})
+        walk = table.model_dump(exclude={"name", "material", "meshes"}) | {"breathing": table.breathing or None}
         human = self._kept.of(("human", repr(walk)), lambda: Human(**walk))
         make = human.mesh_bodies if table.meshes else human.bodies
         bodies = make(material=self._material(table.material), name=table.name)
