@@ -204,7 +204,9 @@ def shaped(name: str, values: NDArray[_Scalar], shape: tuple[int | None, ...]) -
 
 def fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
     """True for a shape with the expected lengths (None: any)."""
-    return len(shape) == len(expected) and all(want in (None, got) for want, got in zip(expected, shape, strict=True))
+    return shape == expected or (
+        len(shape) == len(expected) and all(want in (None, got) for want, got in zip(expected, shape, strict=True))
+    )
 
 
 def finite(name: str, values: NDArray[_Scalar]) -> NDArray[_Scalar]:

@@ -23,16 +23,17 @@ def sealed(kind: _Kind) -> _Kind:
         object.__setattr__(self, "_sealed", frozenset(getattr(self, "__dict__", ())))
 
     def check(self: Any, name: str) -> None:
-        sealed_names = getattr(self, "_sealed", None)
-        if sealed_names is not None and (type(self) is kind or name in sealed_names or hasattr(kind, name)):
+        if type(self) is kind or name in self._sealed or hasattr(kind, name):
             raise AttributeError(f"{name}: attributes of {kind.__name__} are read-only; make another one")
 
     def put(self: Any, name: str, value: object) -> None:
-        check(self, name)
+        if hasattr(self, "_sealed"):
+            check(self, name)
         object.__setattr__(self, name, value)
 
     def remove(self: Any, name: str) -> None:
-        check(self, name)
+        if hasattr(self, "_sealed"):
+            check(self, name)
         object.__delattr__(self, name)
 
     kind.__init__ = make  # type: ignore[misc]

@@ -257,7 +257,7 @@ class Radar:
         """Duration from the start of a frame to the last sample of the last ramp [s]."""
         return max(waveform.duration for waveform in self.waveforms) + float(self._tx_offsets.max())
 
-    @property
+    @cached_property
     def middle(self) -> float:
         """Time from the start of a frame to its middle [s], for which range, velocity and truth hold.
 
@@ -283,11 +283,11 @@ class Radar:
         of_receivers = np.zeros(len(self.rx)) if phases is None else np.deg2rad(phases)
         return np.tile(of_receivers, self.num_channels // len(self.rx))
 
-    @property
+    @cached_property
     def channel_corrections(self) -> NDArray[np.complex128]:
         """Factors of the channels before they are combined, (channel,): `channel_weights`, or from `channel_phases`."""
         factors: NDArray[np.complex128] = np.exp(-1j * self.channel_phases)
-        return factors if self.channel_weights is None else self.channel_weights
+        return check.frozen(factors) if self.channel_weights is None else self.channel_weights
 
     @property
     def tx_power(self) -> float:

@@ -280,27 +280,23 @@ class _Fitted(NamedTuple):
 
     def waves(self, array: Array) -> Waves:
         """Directions of the waves."""
+        candidates = self.sines[:, None] + array.ambiguities  # all with the same phases, its own first
+        square = np.vecdot(candidates, candidates)
+        square[:, 0] = -1.0
+        candidates[~(square <= 1.0)] = np.nan
+        if (square[:, 1:] <= 1.0).any():
+            order = np.where(square <= 1.0, square, np.inf).argsort(axis=1)
+            candidates = np.take_along_axis(candidates, order[..., None], axis=1)
+        angles = np.stack(_angles(array, candidates), axis=-1)
         found = Directions(
-            *_angles(array, self.sines),
+            angles[:, 0, 0],
+            angles[:, 0, 1],
             _of_angles(array, self.sines, self.covariance),
             self.is_resolved,
             array.ambiguous_beyond,
-            _alternatives(array, self.sines),
+            angles[:, 1:],
         )
         return Waves(found, self.snapshot, self.share)
-
-
-def _alternatives(array: Array, sines: _Reals) -> _Reals:
-    """Azimuth and elevation of the other directions with the phases of sines (wave, 2), (wave, alternative, 2)."""
-    if len(array.ambiguities) == 1:
-        return np.zeros((len(sines), 0, 2))
-    others = sines[:, None] + array.ambiguities[1:]
-    square = np.vecdot(others, others)
-    others[~(square <= 1.0)] = np.nan
-    if (square <= 1.0).any():
-        order = np.where(square <= 1.0, square, np.inf).argsort(axis=1)
-        others = np.take_along_axis(others, order[..., None], axis=1)
-    return np.stack(_angles(array, others), axis=-1)
 
 
 def _angles(array: Array, sines: _Reals) -> tuple[_Reals, _Reals]:
@@ -351,6 +347,7 @@ def _of_angles(array: Array, sines: _Reals, covariance: _Reals) -> _Reals:
     by_sines[:, 0, 1] = by_sines[:, 0, 0] * y * z / square
     by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
     of_angles: _Reals = by_sines @ covariance @ by_sines.mT
-    unobservable = ~np.array(array.observable)
-    of_angles[:, unobservable] = of_angles[:, :, unobservable] = np.nan
+    for axis, is_observable in enumerate(array.observable):
+        if not is_observable:
+            of_angles[:, axis] = of_angles[:, :, axis] = np.nan
     return of_angles

@@ -207,11 +207,20 @@ def _sum_at(values: NDArray[Any], step: int, nearest: int, farthest: int, reach:
     """Sums of the values `nearest` to `farthest` steps away, of all that have values up to `reach` steps away."""
     margin = step * (farthest if reach is None else reach)
     number = len(values) - 2 * margin
-    total = np.zeros(number, values.dtype)
-    for steps in range(nearest, farthest + 1):
-        for offset in {-steps * step, steps * step}:
-            total += values[margin + offset : margin + offset + number]
-    return total
+    if farthest < nearest:
+        return np.zeros(number, values.dtype)
+    runs = _runs(values, step, farthest - nearest + 1 if nearest else 2 * farthest + 1)
+    sums = runs[margin - farthest * step :][:number]
+    return np.asarray(sums + runs[margin + nearest * step :][:number]) if nearest else sums
+
+
+def _runs(values: NDArray[Any], step: int, length: int) -> NDArray[Any]:
+    """Sums of `length` values a step from each other, from every value on: of two halves, and an odd one."""
+    if length == 1:
+        return values
+    half, ahead = _runs(values, step, length // 2), step * (length // 2)
+    sums = np.asarray(half[:-ahead] + half[ahead:])
+    return np.asarray(sums[:-step] + values[step * (length - 1) :]) if length % 2 else sums
 
 
 def exceeds_ordered(

@@ -183,7 +183,8 @@ def detect(
     doubles = power.astype(np.float64)
     thresholds = search.thresholds(trained)
     is_above = search.is_tested & (doubles[:, search.first : search.last] > thresholds)
-    peaks = np.ascontiguousarray(np.argwhere(is_above) + np.array([0, search.first]))
+    rows, columns = is_above.nonzero()
+    peaks = np.ascontiguousarray(np.array([rows, columns + search.first]).T)
     peaks = peaks[_core.local_maxima(doubles, peaks, is_cyclic=layout.is_iq)]
     if bands is not None:
         peaks = peaks[bands.are_true(doubles, peaks)]
@@ -228,7 +229,7 @@ def detect(
         tone, in_cell = waves.snapshot, in_cell[waves.snapshot] * waves.share
         range_, velocity, covariance = range_[tone], velocity[tone], covariance[tone]
     covariance[:, 2:, 2:] = seen.covariance
-    is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+    is_unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
     covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     # By range, within the limits.
@@ -292,7 +293,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 def _unsearched_maxima(power: NDArray[np.float64], search: Search) -> NDArray[np.int64]:
     """Largest local maximum of each column that is not searched, such as leakage: (cell, row and column)."""
-    beside = np.delete(np.arange(search.layout.num_columns), slice(search.first, search.last))
+    beside = search.beside
     cells = np.ascontiguousarray(np.array([power[:, beside].argmax(axis=0), beside], dtype=np.int64).T)
     return np.asarray(cells[_core.local_maxima(power, cells, is_cyclic=search.layout.is_iq)])
 
@@ -318,10 +319,10 @@ def _above_sidelobes(
     # The distance that a target crosses in a frame widens its lobes along both axes alike.
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
     widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
-    lobes = _lobes(peaks, peaks, widened, layout)
+    sources = peaks[:, None]
     if layout.has_range and not layout.is_iq:  # the spectrum of real samples has a mirror image
-        lobes += _lobes(np.array([2 * (layout.num_rows // 2) - peaks[0], -peaks[1]]), peaks, widened, layout)
-    lobes *= np.sqrt(height[order])[:, None]
+        sources = np.array([peaks, [2 * (layout.num_rows // 2) - peaks[0], -peaks[1]]]).swapaxes(0, 1)
+    lobes = _lobes(sources, peaks, widened, layout).sum(axis=0) * np.sqrt(height[order])[:, None]
 
     leaked = np.zeros(len(order))
     kept = []
@@ -335,8 +336,11 @@ def _above_sidelobes(
 def _lobes(
     peaks: NDArray[np.float64], cells: NDArray[np.float64], widened: NDArray[np.float64], layout: Layout
 ) -> NDArray[np.float64]:
-    """Largest amplitude of the lobes of peaks (axis, peak) in the cells around others, over the peak: (peak, other)."""
-    rows, columns = np.abs(np.rint(cells)[:, None] - peaks[:, :, None])
+    """Largest amplitude of the lobes of peaks (axis, ..., peak) at the cells around others, over the peak.
+
+    (..., peak, other).
+    """
+    rows, columns = (np.abs(np.rint(cell) - peak[..., None]) for cell, peak in zip(cells, peaks, strict=True))
     rows, columns = np.minimum(rows, layout.num_rows - rows), np.minimum(columns, len(layout.fast) - columns)
     rows, columns = (np.maximum(distance - widened[:, None], 0.0) for distance in (rows, columns))
     lobes = sidelobes(layout.envelopes[0], rows)

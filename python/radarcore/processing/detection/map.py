@@ -283,9 +283,27 @@ class Search:
         """True for cells with noise and with training cells, (row, column from `first` on)."""
         return np.isfinite(self.factor) & (self.layout.row_gain > LEAST_GAIN)[:, None]
 
+    @cached_property
+    def beside(self) -> NDArray[np.intp]:
+        """Columns of the map that are not searched."""
+        return np.delete(np.arange(self.layout.num_columns), slice(self.first, self.last))
+
+    @cached_property
+    def _near(self) -> NDArray[np.intp]:
+        """Searched columns within reach of each, mirrored at both ends, (column, 2 reach + 1)."""
+        reach, far = self.guards[1] + self.trainings[1], self.last - self.first - 1
+        columns = np.arange(far + 1)[:, None] + np.arange(-reach, reach + 1)
+        return np.asarray(far - np.abs(columns % max(2 * far, 1) - far))
+
     def thresholds(self, power: NDArray[Any]) -> NDArray[np.float64]:
-        """Thresholds of the cells of a map of the searched columns, 0 where none is tested."""
-        limited = np.minimum(power, _CLIPPED_ABOVE * _levels(power, self.guards[1] + self.trainings[1]))
+        """Thresholds of the cells of a map of the searched columns, 0 where none is tested.
+
+        The level of the noise at every range is the median of all velocities, then of the ranges near it. Clutter that
+        fills all velocities of a range, or most ranges of a profile, belongs to the level there.
+        """
+        near = np.partition(power, len(power) // 2, axis=0)[len(power) // 2][self._near]
+        reach = near.shape[1] // 2
+        limited = np.minimum(power, _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach])
         background = training_means(limited, self.guards, self.trainings, self.counts)
         return np.asarray(np.where(self.is_tested, self.factor, 0.0) * background)
 
@@ -315,17 +333,6 @@ def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
     independent = np.maximum(share * counts, np.minimum(counts, 1))
     factor = averaging_factor(independent, settings.false_alarm_rate, layout.num_looks)
     return Search(layout, first, last, guards, trainings, counts, factor)
-
-
-def _levels(power: NDArray[Any], reach: int) -> NDArray[Any]:
-    """Level of the noise at every range: the median of all velocities, then of the ranges within `reach`, (column,).
-
-    Clutter that fills all velocities of a range, or most ranges of a profile, belongs to the level there.
-    """
-    from scipy.ndimage import median_filter  # here: importing radarcore imports numpy and nothing heavier
-
-    middle = np.sort(power, axis=0)[len(power) // 2]
-    return np.asarray(median_filter(middle, 2 * reach + 1, mode="mirror"))
 
 
 _PER_CELL = 16
