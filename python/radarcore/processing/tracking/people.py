@@ -98,7 +98,8 @@ class People:
         is_known = np.zeros(len(values), dtype=bool)
         if self._map is None:
             stands &= is_confirmed[:, None]
-            is_background, is_unknown = self._is_background(values, sensor), is_known
+            is_background = self._is_background(values, sensor) if stands.any() else is_known
+            is_unknown = is_known
             self._remember(values[~moves & ~stands.any(axis=0)], time, sensor)
         else:
             is_background = self._map.is_known(values, covariance, sensor, 0.0)
@@ -107,7 +108,7 @@ class People:
         is_own = is_near & moves & (np.abs(speed) < _LIMB_SPEED) | stands & ~is_background
         labels = np.full(len(values), -1)
         if number > 0:
-            squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + (np.nan_to_num(speed) / _SPEED_SCALE) ** 2
+            squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + np.fmax((speed / _SPEED_SCALE) ** 2, 0.0)
             order = np.where(is_confirmed, 0, 1 + np.arange(number))
             costs = np.where(is_own, squares + 1e3 * order[:, None], np.inf)
             labels = np.where(is_own.any(axis=0), costs.argmin(axis=0), -1)

@@ -169,7 +169,7 @@ def is_moving(values: Array, covariance: Array, sensor: SensorState, period: flo
     own = sensor.pose[:, :3].T @ sensor.velocity
     limit = np.full(len(values), _STATIC_SPEED)
     if own.any():
-        limit += 2.0 * _angle_deviations(covariance) * np.linalg.norm(own)
+        limit += 2.0 * _angle_deviations(covariance) * np.sqrt(own @ own)
     return np.asarray(np.abs(wrapped(over_ground(values, own), period)) > limit)
 
 

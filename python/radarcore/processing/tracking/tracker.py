@@ -313,9 +313,10 @@ class Tracker:
         spread = expected.spread
         innovation[~(spread[:, 1, 1] <= (_KNOWN_WITHIN * self._periods[1]) ** 2), :, 1] = np.nan
         if self.settings.targets == "people":
-            tracks, first = np.unique(labels, return_index=True)
-            is_old = (tracks >= 0) & (tracks < len(self._lives))
-            tracks, chosen = tracks[is_old], objects[first[is_old]]
+            object_of = np.full(len(self._lives) + len(labels) + 1, -1)  # by label, the last of those without one
+            object_of[labels] = objects
+            (tracks,) = (object_of[: len(self._lives)] >= 0).nonzero()
+            chosen = object_of[tracks]
         else:
             tracks, chosen = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
@@ -484,9 +485,9 @@ class Tracker:
 def _nearest(values: Array, covariance: Array, objects: Indices, number: int) -> Array:
     """Range of the nearest detection of each object, and its standard deviation, (object, 2) [m]."""
     result = np.full((number, 2), np.nan)
-    order = np.argsort(-np.nan_to_num(values[:, 0], nan=np.inf))  # the last one of an object is the nearest
+    order = values[:, 0].argsort()[::-1]  # NaN first; the last one of an object is the nearest
     order = order[objects[order] >= 0]
-    result[objects[order]] = np.stack([values[order, 0], np.sqrt(covariance[order, 0, 0])], axis=1)
+    result[objects[order]] = np.array([values[order, 0], np.sqrt(covariance[order, 0, 0])]).T
     return result
 
 
