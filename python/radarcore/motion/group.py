@@ -48,13 +48,15 @@ class _Still:
     """Motions at rest: evaluated once."""
 
     def __init__(self, motions: Sequence[Motion]) -> None:
-        self._poses = np.array([poses_at(motion, [0.0])[0] for motion in motions]).reshape(1, -1, 3, 4)
+        poses = np.array([poses_at(motion, [0.0])[0] for motion in motions]).reshape(1, -1, 3, 4)
+        self._both = np.array([poses, np.zeros_like(poses)])
 
     def poses_at(self, _: Matrix) -> Matrix:
-        return self._poses
+        poses: Matrix = self._both[0]
+        return poses
 
     def poses_and_rates_at(self, _: Matrix) -> ArrayLike:
-        return [self._poses, np.zeros_like(self._poses)]
+        return self._both
 
 
 class _Linked:

@@ -189,7 +189,7 @@ def waves_of(
     array = array_of(radar)
     found = _Fitted.none(len(values))
     size = np.abs(values).max(axis=1, initial=0.0)
-    known = np.flatnonzero((size > 0.0) & (size < np.inf))
+    (known,) = ((size > 0.0) & (size < np.inf)).nonzero()
     if len(known) == 0 or not any(array.observable):
         return found.waves(array)
     if array.ambiguous_beyond < array.half_view:

@@ -113,7 +113,8 @@ def cfar(
     require_training(counts, guards)
     if method == "ca":
         with np.errstate(invalid="ignore"):  # infinity times 0 where there are no training cells
-            threshold = averaging_factor(counts, rate, looks) * training_means(moved, guards, trainings, counts)
+            means = training_sums(moved, guards, trainings) / np.maximum(counts, 1)
+            threshold = averaging_factor(counts, rate, looks) * means
         mask = moved > threshold
     else:
         ranks = scaled_ranks(counts, (DEFAULT_RANK * full if rank is None else rank) / full)
@@ -180,10 +181,8 @@ def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
         raise ValueError(f"guard: expected fewer cells than the map of {counts.shape} has, got {max(guards)}")
 
 
-def training_means(
-    power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int], counts: NDArray[np.intp]
-) -> NDArray[Any]:
-    """Means of the training cells, (..., row, column), of which there are `counts`; 0 without any.
+def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int]) -> NDArray[Any]:
+    """Sums of the training cells, (..., row, column); 0 without any.
 
     The rows beside the guard cells over all columns of the window, and the rows of the guard cells over the columns
     beside: nothing is subtracted again, so that an echo in the middle leaves no rounding error in the sum around it.
@@ -200,7 +199,7 @@ def training_means(
     across = beside + _sum_at(flat, 1, 0, guards[1], left)
     sums = _sum_at(across, width, guards[0] + 1, top) + _sum_at(beside, width, 0, guards[0], top)
     flat[width * top + left : len(flat) - width * top - left] = sums
-    return np.asarray(padded[inside] / np.maximum(counts, 1).astype(power.dtype))
+    return np.asarray(padded[inside])
 
 
 def _sum_at(values: NDArray[Any], step: int, nearest: int, farthest: int, reach: int | None = None) -> NDArray[Any]:

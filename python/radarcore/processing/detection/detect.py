@@ -336,13 +336,10 @@ def _above_sidelobes(
 def _lobes(
     peaks: NDArray[np.float64], cells: NDArray[np.float64], widened: NDArray[np.float64], layout: Layout
 ) -> NDArray[np.float64]:
-    """Largest amplitude of the lobes of peaks (axis, ..., peak) at the cells around others, over the peak.
-
-    (..., peak, other).
-    """
-    rows, columns = (np.abs(np.rint(cell) - peak[..., None]) for cell, peak in zip(cells, peaks, strict=True))
-    rows, columns = np.minimum(rows, layout.num_rows - rows), np.minimum(columns, len(layout.fast) - columns)
-    rows, columns = (np.maximum(distance - widened[:, None], 0.0) for distance in (rows, columns))
+    """Largest amplitude of the lobes of peaks (axis, 1 or 2, peak) in cells, over the peak: (1 or 2, peak, cell)."""
+    distance = np.abs(np.rint(cells)[:, None, None] - peaks[..., None])
+    around = np.minimum(distance, np.array([layout.num_rows, len(layout.fast)])[:, None, None, None] - distance)
+    rows, columns = np.maximum(around - widened[:, None], 0.0)
     lobes = sidelobes(layout.envelopes[0], rows)
     in_mean = layout.mean_gain[np.rint(cells[0]).astype(np.intp) % layout.num_rows]
     if in_mean.any():

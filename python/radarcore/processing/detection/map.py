@@ -17,7 +17,7 @@ from radarcore.processing.detection.cfar import (
     per_axis,
     require_training,
     training_counts,
-    training_means,
+    training_sums,
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
 from radarcore.processing.inputs import range_limits
@@ -284,6 +284,11 @@ class Search:
         return np.isfinite(self.factor) & (self.layout.row_gain > LEAST_GAIN)[:, None]
 
     @cached_property
+    def _scale(self) -> NDArray[np.float64]:
+        """Threshold over the sum of the training cells, 0 where none is tested."""
+        return np.asarray(np.where(self.is_tested, self.factor, 0.0) / np.maximum(self.counts, 1))
+
+    @cached_property
     def beside(self) -> NDArray[np.intp]:
         """Columns of the map that are not searched."""
         return np.delete(np.arange(self.layout.num_columns), slice(self.first, self.last))
@@ -304,8 +309,7 @@ class Search:
         near = np.partition(power, len(power) // 2, axis=0)[len(power) // 2][self._near]
         reach = near.shape[1] // 2
         limited = np.minimum(power, _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach])
-        background = training_means(limited, self.guards, self.trainings, self.counts)
-        return np.asarray(np.where(self.is_tested, self.factor, 0.0) * background)
+        return np.asarray(self._scale * training_sums(limited, self.guards, self.trainings))
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells (cell, 2) of such a map."""

@@ -69,8 +69,7 @@ class Detections:
 
     def __post_init__(self) -> None:
         number = np.size(self.range)
-        for name in (*COORDINATES, "snr_db"):
-            setattr(self, name, _numbers(name, getattr(self, name), (number,)))
+        vars(self).update({name: _numbers(name, getattr(self, name), (number,)) for name in (*COORDINATES, "snr_db")})
         covariance: Any = self.covariance
         resolved: Any = self.is_resolved
         others: Any = self.alternatives

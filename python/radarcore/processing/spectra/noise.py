@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -111,5 +112,5 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
     """
-    gain = float(np.prod([weights.sum() ** 2 / len(weights) for weights in (fast_weights, slow_weights)]))
+    gain = prod(float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
     return max(ROUNDING * gain * real_inner(cube, cube), LEAST_NOISE)

@@ -336,8 +336,8 @@ class Tracker:
         self._keep([life.is_held or not life.is_over(self.settings.max_missed) for life in self._lives])
         is_new = np.ones(len(measured), dtype=bool)
         is_new[chosen] = False
-        is_new &= ~(found.covariance.diagonal(axis1=1, axis2=2)[:, 2:] > _VAGUE).any(axis=1)
         if is_new.any():
+            is_new &= ~(found.covariance.diagonal(axis1=1, axis2=2)[:, 2:] > _VAGUE).any(axis=1)
             self._begin(measured[is_new], noise[is_new], nearest[is_new], is_static[is_new])
         return self._states()
 
