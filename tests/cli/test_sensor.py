@@ -215,7 +215,7 @@ def test_what_cannot_be_had_is_named_with_what_it_was_asked_beside(words: str, m
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_wishes_do_not_change_the_waveform_of_a_scene(tmp_path: Path) -> None:
+def test_requirements_do_not_change_the_waveform_of_a_scene(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(SWING)
     with pytest.raises(ValueError, match="max_range: expected none beside --radar"):

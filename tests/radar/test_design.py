@@ -1,4 +1,4 @@
-"""Waveforms from wishes: those that can be had are met, those that cannot are named with what can."""
+"""Waveforms from requirements: those that can be had are met, those that cannot are named with what can."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ UP, DOWN = ("max_range", "max_velocity", "rate"), ("range_resolution", "velocity
 ROUNDING = 1e-9
 
 
-def has(waveform: rc.Waveform, wish: str) -> float:
-    return 1.0 / waveform.frame_interval if wish == "rate" else float(getattr(waveform, wish))
+def has(waveform: rc.Waveform, requirement: str) -> float:
+    return 1.0 / waveform.frame_interval if requirement == "rate" else float(getattr(waveform, requirement))
 
 
-def meets(waveform: rc.Waveform, wishes: dict[str, float]) -> None:
-    for wish, value in wishes.items():
-        if wish in UP:
-            assert has(waveform, wish) >= value * (1.0 - ROUNDING), wish
-        elif wish in DOWN:
-            assert has(waveform, wish) <= value * (1.0 + ROUNDING), wish
-    if "rate" in wishes:
-        assert has(waveform, "rate") == pytest.approx(wishes["rate"], rel=ROUNDING)
+def meets(waveform: rc.Waveform, requirements: dict[str, float]) -> None:
+    for requirement, value in requirements.items():
+        if requirement in UP:
+            assert has(waveform, requirement) >= value * (1.0 - ROUNDING), requirement
+        elif requirement in DOWN:
+            assert has(waveform, requirement) <= value * (1.0 + ROUNDING), requirement
+    if "rate" in requirements:
+        assert has(waveform, "rate") == pytest.approx(requirements["rate"], rel=ROUNDING)
 
 
 def test_settings_are_those_of_the_textbook() -> None:
@@ -40,7 +40,7 @@ def test_settings_are_those_of_the_textbook() -> None:
 
 
 @pytest.mark.parametrize(
-    "wishes",
+    "requirements",
     [
         {"max_range": 8.0, "max_velocity": 4.0, "range_resolution": 0.05, "rate": 40.0},
         {"max_range": 8.0},
@@ -58,31 +58,31 @@ def test_settings_are_those_of_the_textbook() -> None:
         {"max_range": 20.0, "max_velocity": 3.0, "velocity_resolution": 0.5, "num_chirps": 100},
     ],
 )
-def test_wishes_are_met_together(wishes: dict[str, Any]) -> None:
-    waveform = rc.Waveform.design(**wishes)
-    meets(waveform, wishes)
+def test_requirements_are_met_together(requirements: dict[str, Any]) -> None:
+    waveform = rc.Waveform.design(**requirements)
+    meets(waveform, requirements)
     for name in ("start_frequency", "sample_rate", "num_samples", "num_chirps", "adc_delay"):
-        if name in wishes:
-            assert getattr(waveform, name) == wishes[name]
-    after = waveform.adc_delay + waveform.num_samples / waveform.sample_rate + wishes.get("idle_time", 0.0)
+        if name in requirements:
+            assert getattr(waveform, name) == requirements[name]
+    after = waveform.adc_delay + waveform.num_samples / waveform.sample_rate + requirements.get("idle_time", 0.0)
     assert waveform.chirp_interval >= after * (1.0 - ROUNDING)
     assert waveform.num_chirps * waveform.chirp_interval <= waveform.frame_interval * (1.0 + ROUNDING)
 
 
 def test_transmitters_in_turn_fit_into_the_chirp_interval() -> None:
-    wishes = {"max_range": 10.0, "range_resolution": 0.2, "max_velocity": 5.0}
-    waveform = rc.Waveform.design(**wishes, num_tx=4)
-    meets(waveform, wishes)
+    requirements = {"max_range": 10.0, "range_resolution": 0.2, "max_velocity": 5.0}
+    waveform = rc.Waveform.design(**requirements, num_tx=4)
+    meets(waveform, requirements)
     tx = [[0.0, 2e-3 * i, 0.0] for i in range(4)]
     assert rc.Radar(waveform, tx=tx, schedule=rc.Schedule.tdm()).num_channels == 4
     with pytest.raises(
         ValueError, match=r"max_velocity: expected at most .* at 2 MHz and 6 transmitters in turn, got 5"
     ):
-        rc.Waveform.design(**wishes, num_tx=6)
+        rc.Waveform.design(**requirements, num_tx=6)
 
 
 @pytest.mark.parametrize(
-    ("wishes", "message"),
+    ("requirements", "message"),
     [
         (
             # 400 samples last 200 us, and the wavelength is 4.876 mm in the middle of 60 to 63 GHz.
@@ -115,13 +115,13 @@ def test_transmitters_in_turn_fit_into_the_chirp_interval() -> None:
         ({"max_range": 1.0, "start_frequency": 60.0}, "start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9)"),
     ],
 )
-def test_wish_that_cannot_be_had_is_named(wishes: dict[str, Any], message: str) -> None:
+def test_conflicting_requirement_is_named(requirements: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
-        rc.Waveform.design(**wishes)
+        rc.Waveform.design(**requirements)
 
 
 def test_what_an_error_says_can_be_had_can_be_had() -> None:
-    """Any wishes, one after the other replaced by what the error says: the last of them is met."""
+    """Any requirements, one after the other replaced by what the error says: the last of them is met."""
     rng = np.random.default_rng(11)
     scales = {
         "max_range": (0.5, 100.0),
@@ -133,18 +133,18 @@ def test_what_an_error_says_can_be_had_can_be_had() -> None:
     num_refused = 0
     for _ in range(100):
         names = [name for name in scales if rng.random() < 0.6]
-        wishes = {name: float(np.exp(rng.uniform(*np.log(scales[name])))) for name in names}
+        requirements = {name: float(np.exp(rng.uniform(*np.log(scales[name])))) for name in names}
         for _ in range(8):
             text = ""
             try:
-                meets(rc.bgt60tr13c(**wishes).waveform, wishes)
+                meets(rc.bgt60tr13c(**requirements).waveform, requirements)
                 break
             except ValueError as error:
                 text = str(error)
             found = re.match(r"(\w+): expected at (least|most) ([\d.e+-]+) ", text)
             assert found, text
-            wishes[found[1]] = float(found[3])
+            requirements[found[1]] = float(found[3])
             num_refused += 1
         else:
-            raise AssertionError(wishes)
+            raise AssertionError(requirements)
     assert num_refused > 20

@@ -80,10 +80,10 @@ def test_largest_range_is_half_the_range_axis_of_real_samples_and_all_of_it_of_i
     assert (
         iq.max_unambiguous_range == rc.Radar(wf).max_unambiguous_range == pytest.approx(axis[-1] + axis[1], rel=1e-12)
     )
-    # A wish is one of real samples.
-    wished = rc.Waveform.design(max_range=5.0, range_resolution=0.1)
-    assert wished.max_range == pytest.approx(5.0)
-    assert rc.Radar(wished).max_unambiguous_range == pytest.approx(10.0)
+    # Requirements hold for real samples.
+    designed = rc.Waveform.design(max_range=5.0, range_resolution=0.1)
+    assert designed.max_range == pytest.approx(5.0)
+    assert rc.Radar(designed).max_unambiguous_range == pytest.approx(10.0)
 
 
 def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:
@@ -98,7 +98,7 @@ def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:
         assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(stop, rel=1e-15)
 
 
-def test_bgt60tr13c_takes_times_that_no_wish_is_about() -> None:
+def test_bgt60tr13c_takes_times_that_requirements_leave_free() -> None:
     wf = rc.bgt60tr13c(max_range=5.0, chirp_interval=500e-6, num_chirps=100).waveform
     assert (wf.chirp_interval, wf.num_chirps) == (500e-6, 100)
     assert wf.frame_interval >= 100 * 500e-6

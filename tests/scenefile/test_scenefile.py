@@ -357,12 +357,13 @@ def test_frames_have_sub_sequences(tmp_path: Path) -> None:
     assert load(tmp_path, f"{times}alternating = true\n").radar.waveforms == one.alternating()
 
 
-def test_radars_come_from_wishes(tmp_path: Path) -> None:
-    wishes = {"max_range": 8.0, "range_resolution": 0.1, "max_velocity": 3.0, "velocity_resolution": 0.2, "rate": 20.0}
-    text = radar_table(wishes)
-    assert load(tmp_path, "", radar=text).radar.waveform == rc.Waveform.design(**wishes)
+def test_radars_come_from_requirements(tmp_path: Path) -> None:
+    ranges, velocities = {"max_range": 8.0, "range_resolution": 0.1}, {"max_velocity": 3.0, "velocity_resolution": 0.2}
+    requirements = ranges | velocities | {"rate": 20.0}
+    text = radar_table(requirements)
+    assert load(tmp_path, "", radar=text).radar.waveform == rc.Waveform.design(**requirements)
     preset = load(tmp_path, "", radar=text + 'preset = "bgt60tr13c"\n').radar
-    assert preset == rc.bgt60tr13c(**wishes)
+    assert preset == rc.bgt60tr13c(**requirements)
 
 
 def test_run_reaches_the_simulator(tmp_path: Path) -> None:

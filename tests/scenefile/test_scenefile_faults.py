@@ -99,7 +99,7 @@ RADAR_FAULTS = [
     (radar(STEERED + "[0], azimuth_deg = 1 }"), "radar: schedule.phases_deg: expected either phases or angles of"),
     (radar(STEERED + "[[0], [0, 1]] }"), "radar: schedule.phases_deg: expected equally many per chirp, got [[0.0], "),
     (radar("sequences = [{ delay = 1, num_chirps = 0 }]"), "radar: sequences[0].num_chirps: expected at least 1"),
-    (radar("max_range = 8"), "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0"),
+    (radar("max_range = 8"), "radar: stop_frequency: expected none beside requirements, which decide it, got 61"),
     (radar('polarization = "circular"'), "radar: polarization: expected 'vertical' or 'horizontal' or a list"),
     (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
     (radar("num_samples = 64.0", without="num_samples"), "radar: num_samples: expected an integer, got 64.0"),

@@ -305,8 +305,8 @@ def test_receivers_are_known_by_their_places(mask: int) -> None:
 
 
 @st.composite
-def wishes(draw: st.DrawFn) -> dict[str, float]:
-    """Some wishes, from 0.3 m to 300 m, 0.1 m/s to 50 m/s and 1 Hz to 1 kHz."""
+def requirements(draw: st.DrawFn) -> dict[str, float]:
+    """Some requirements, from 0.3 m to 300 m, 0.1 m/s to 50 m/s and 1 Hz to 1 kHz."""
     ranges = {
         "max_range": (-0.5, 2.5),
         "range_resolution": (-1.5, 0.5),
@@ -319,10 +319,10 @@ def wishes(draw: st.DrawFn) -> dict[str, float]:
 
 
 @settings(deadline=None, max_examples=50)
-@given(wishes=wishes())
-def test_wishes_become_settings_that_the_chip_has_and_that_meet_them(wishes: dict[str, float]) -> None:
+@given(requirements=requirements())
+def test_requirements_become_settings_of_the_chip_that_meet_them(requirements: dict[str, float]) -> None:
     try:
-        radar = rc.bgt60tr13c(**wishes)
+        radar = rc.bgt60tr13c(**requirements)
     except ValueError:
         assume(False)
     found = achieved(Settings.from_radar(radar)).to_radar().waveform
@@ -333,10 +333,10 @@ def test_wishes_become_settings_that_the_chip_has_and_that_meet_them(wishes: dic
     assert found.slope == pytest.approx(wanted.slope, rel=1e-12)
     assert found.start_frequency == pytest.approx(wanted.start_frequency, abs=1620.0)
     rounding = 1e-6
-    assert found.max_range >= wishes.get("max_range", 0.0) * (1.0 - rounding)
-    assert found.range_resolution <= wishes.get("range_resolution", np.inf) * (1.0 + rounding)
-    assert found.velocity_resolution <= wishes.get("velocity_resolution", np.inf) * (1.0 + rounding)
+    assert found.max_range >= requirements.get("max_range", 0.0) * (1.0 - rounding)
+    assert found.range_resolution <= requirements.get("range_resolution", np.inf) * (1.0 + rounding)
+    assert found.velocity_resolution <= requirements.get("velocity_resolution", np.inf) * (1.0 + rounding)
     # At the shortest time from chirp to chirp the timer still takes up to 8 of at least 624 cycles.
-    assert found.max_velocity >= wishes.get("max_velocity", 0.0) * (1.0 - 8 / 624)
-    if "rate" in wishes:
-        assert 1.0 / found.frame_interval == pytest.approx(wishes["rate"], rel=0.004, abs=0.0)
+    assert found.max_velocity >= requirements.get("max_velocity", 0.0) * (1.0 - 8 / 624)
+    if "rate" in requirements:
+        assert 1.0 / found.frame_interval == pytest.approx(requirements["rate"], rel=0.004, abs=0.0)

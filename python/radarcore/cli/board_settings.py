@@ -1,4 +1,4 @@
-"""Settings of a board: options of `radarcore sensor`, the radar that they wish for, and what it sees."""
+"""Settings of a board: options of `radarcore sensor`, the radar for them, and its limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 from radarcore import check
 from radarcore.cli.options import Count, Metres
 from radarcore.radar.bgt60_presets import bgt60tr13c
-from radarcore.radar.design import WishError
+from radarcore.radar.design import RequirementError
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.units import SPEED_OF_LIGHT, frequency_of, quantity
@@ -32,7 +32,7 @@ _Hertz = Annotated[float | None, Parameter(metavar="HZ")]
 @Parameter(name="*", group=Group("Settings of a board", sort_key=2))
 @dataclass(frozen=True, kw_only=True)
 class BoardSettings:
-    """Wishes for the settings of a board."""
+    """Requirements for the settings of a board."""
 
     radar: Annotated[Path | None, Parameter(metavar="SCENE")] = None
     """take the radar of a scene file (TOML), a recording, or settings of a chip"""
@@ -41,7 +41,7 @@ class BoardSettings:
     """see at least so far [m] (default: 10); end of the range axis"""
 
     max_velocity: Annotated[float | None, Parameter(metavar="V")] = None
-    """tell velocities apart up to this, both ways [m/s] (default: 4)"""
+    """largest velocity, in both directions [m/s] (default: 4)"""
 
     bandwidth: Annotated[str | None, Parameter(metavar="FREQUENCY")] = None
     """sampled band, as 1.5GHz or 500MHz: range bins of 15 cm per GHz of it (default: about 1 GHz)"""
@@ -71,15 +71,15 @@ NOT_SET = BoardSettings()
 def radar_of(settings: BoardSettings) -> Radar:
     """The radar that the settings ask for; a ValueError names settings that exclude each other."""
     names = ("max_range", "max_velocity", "rate", "num_chirps", "num_samples")
-    wishes: dict[str, Any] = {name: value for name in names if (value := getattr(settings, name)) is not None}
+    requirements: dict[str, Any] = {name: value for name in names if (value := getattr(settings, name)) is not None}
     if settings.bandwidth is not None:
-        wishes["range_resolution"] = SPEED_OF_LIGHT / (2.0 * _bandwidth(settings.bandwidth))
+        requirements["range_resolution"] = SPEED_OF_LIGHT / (2.0 * _bandwidth(settings.bandwidth))
     if settings.radar is None:
-        radar = _designed(wishes)
+        radar = _designed(requirements)
     else:
         from radarcore.scenefile.load import load_radar  # takes longer to load than the rest
 
-        radar = _changed(load_radar(settings.radar), wishes)
+        radar = _changed(load_radar(settings.radar), requirements)
     return radar if settings.rx is None else _with_receivers(radar, _indices(settings.rx))
 
 
@@ -108,32 +108,32 @@ def sight(radar: Radar) -> str:
     return f"sees {', '.join(parts) or 'neither range nor velocity'}, at {quantity(1.0 / wf.frame_interval, 'Hz')}"
 
 
-def _designed(wishes: dict[str, Any]) -> Radar:
-    """A BGT60TR13C for the wishes; without a wish for the range, it sees a room if the others allow it."""
-    resolution = wishes.get("range_resolution")
+def _designed(requirements: dict[str, Any]) -> Radar:
+    """A BGT60TR13C for the requirements; the default range suits a room if the others allow it."""
+    resolution = requirements.get("range_resolution")
     range_of_many = _MAX_RANGE if resolution is None else 0.5 * resolution * _MANY_SAMPLES
     room: dict[str, Any] = {"max_range": min(_MAX_RANGE, max(_LEAST_RANGE, range_of_many))}
     try:
         try:
-            return bgt60tr13c(**room | wishes)
-        except WishError:
+            return bgt60tr13c(**room | requirements)
+        except RequirementError:
             if resolution is None:
                 raise
-            return bgt60tr13c(**wishes)
-    except WishError as error:
-        if error.wish != "range_resolution":
+            return bgt60tr13c(**requirements)
+    except RequirementError as error:
+        if error.requirement != "range_resolution":
             raise
         possible = quantity(SPEED_OF_LIGHT / (2.0 * error.possible), "Hz", 4)
-        asked = quantity(SPEED_OF_LIGHT / (2.0 * wishes["range_resolution"]), "Hz", 4)
+        asked = quantity(SPEED_OF_LIGHT / (2.0 * requirements["range_resolution"]), "Hz", 4)
         raise ValueError(f"bandwidth: expected at most {possible}{error.args[2]}, got {asked}") from None
 
 
-def _changed(radar: Radar, wishes: dict[str, Any]) -> Radar:
+def _changed(radar: Radar, requirements: dict[str, Any]) -> Radar:
     """A radar of a scene file with other numbers."""
-    if wrong := [name for name in ("max_range", "max_velocity", "range_resolution") if name in wishes]:
+    if wrong := [name for name in ("max_range", "max_velocity", "range_resolution") if name in requirements]:
         name = "bandwidth" if wrong[0] == "range_resolution" else wrong[0]
         raise ValueError(f"{name}: expected none beside --radar, which has a waveform")
-    changes = dict(wishes)
+    changes = dict(requirements)
     if "rate" in changes:
         changes["frame_interval"] = 1.0 / check.positive("rate", changes.pop("rate"), "Hz")
     if not changes:
@@ -149,7 +149,7 @@ def _bandwidth(text: str) -> float:
 
 
 def _indices(text: str) -> tuple[int, ...]:
-    """Receivers from 0: those of a list, such as ``1,3`` or ``2,``, or as many as a number says."""
+    """Receivers from 0: of a list, such as ``1,3`` or ``2,``, or a number of them."""
     try:
         numbers = [int(part) for part in text.split(",") if part.strip()]
         if "," not in text:

@@ -18,7 +18,7 @@ WIDEST_DEG = 150.0
 """Widest field of view that follows from patterns [degrees]."""
 
 _WIDEST_OF_A_PLANE_DEG = 110.0
-"""Field of view beyond which directions to the sides are seen from the sides, see `field_of_view_deg`."""
+"""Field of view above which side planes cover directions to the sides, see `field_of_view_deg`."""
 
 _NODES = np.concatenate([[0.0], np.geomspace(0.01, 0.4, 24), np.arange(0.5, 90.1, 0.5)])
 """Angles at which patterns are sampled [degrees]: narrow beams lie about the axis, or are tables."""
@@ -29,8 +29,8 @@ Patterns = tuple[Pattern, ...]
 def field_of_view_deg(tx_patterns: Sequence[Pattern], rx_patterns: Sequence[Pattern]) -> tuple[float, float]:
     """Horizontal and vertical angle of the smallest centred field of view that holds the beam [degrees], at most 150.
 
-    The horizontal angle is that of y/x, the vertical one that of z/x; of z/max(x, abs(y)) where the horizontal angle is
-    above 110 degrees, as the sides of a box about the sensor have it.
+    The horizontal angle follows from y/x, the vertical one from z/x, or from z/max(x, abs(y)) if the horizontal angle
+    is above 110 degrees, as on the sides of a box about the sensor.
     """
     return _beam(*_distinct(tx_patterns, rx_patterns))[1]
 

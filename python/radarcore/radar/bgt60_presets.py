@@ -15,16 +15,16 @@ from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 
 _BGT60_BAND = (57e9, 64e9)
-"""Frequencies that the chip reaches [Hz]: the ISM band at 60 GHz."""
+"""Frequency range of the chip [Hz]: the ISM band at 60 GHz."""
 
 _START, _WIDTH = 60e9, 1e9
-"""Start and width of the ramp that nobody asked for [Hz]."""
+"""Default start and width of the ramp [Hz]."""
 
 _CHIRP_INTERVAL, _FRAME_INTERVAL = 300e-6, 25e-3
-"""Times from chirp to chirp and from frame to frame that nobody asked for [s]."""
+"""Default times from chirp to chirp and from frame to frame [s]."""
 
 _SAMPLE_RATES = (2e6, 4e6)
-"""Sample rates that are tried where none was asked for [Hz]: the lower has less noise, the higher faster chirps."""
+"""Default sample rates in order of trial [Hz]: the lower has less noise, the higher faster chirps."""
 
 _PATTERN = GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0)
 """Typical values of the data sheet."""
@@ -53,9 +53,9 @@ def bgt60tr13c(
     smaller than ``stop_frequency - start_frequency``. The chip's own settings at power-up see 0.96 m at 13 Hz: 58 to
     63.5 GHz, 64 samples, 64 chirps every 591.125 us, 77.26885 ms per frame.
 
-    Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40
-    degrees, 12 dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, 2.5 mm apart. The
-    phase centre of the TX is not public; it is put next to the corner of the L.
+    Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40 degrees, 12
+    dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, with a spacing of 2.5 mm. The phase centre of
+    the TX is not public; it is placed next to the corner of the L.
 
     Parameters
     ----------
@@ -73,23 +73,23 @@ def bgt60tr13c(
     high_pass : float, optional
         Cutoff of the measured chain's high-pass [Hz]: the nearest of 20, 45, 70 and 80 kHz. Default: 80 kHz.
     max_range, max_velocity, range_resolution, velocity_resolution, rate : float, optional
-        Wishes, as in `Waveform.design`, [m], [m/s], [m], [m/s], [Hz]: settings that the chip can have and that meet
-        them all, its timers included. What no wish is about is as by default, or less where the wishes ask for it. The
-        sample rate is 2 MHz, or 4 MHz where that is too slow; the ramp ends by 63.5 GHz.
+        Requirements, as in `Waveform.design`, [m], [m/s], [m], [m/s], [Hz]: settings of the chip that meet all of them,
+        its timers included. Other settings keep their defaults, or less if a requirement needs it. The sample rate is 2
+        MHz, or 4 MHz if that is too slow; the ramp ends by 63.5 GHz.
     **waveform
-        Keywords of `Waveform` in place of the defaults. Beside wishes: `start_frequency`, `sample_rate`, `num_samples`
-        and `num_chirps`, and times that no wish is about.
+        Keywords of `Waveform` in place of the defaults. Together with requirements: `start_frequency`, `sample_rate`,
+        `num_samples` and `num_chirps`, and times that the requirements leave free.
 
     Raises
     ------
     ValueError
-        For a ramp that begins or ends outside of 57 to 64 GHz, for a wish that cannot be had beside the others (the
-        message names it, and what could be had), and as `Waveform`.
+        For a ramp that begins or ends outside of 57 to 64 GHz, for conflicting requirements (the message names one and
+        its limit), and as `Waveform`.
 
     See Also
     --------
     bgt60tr24 : Two transmitters and four receivers.
-    Waveform.design : Waveform from wishes, of any radar.
+    Waveform.design : Waveform from requirements, of any radar.
     open_sensor : A board with that chip.
 
     Examples
@@ -106,13 +106,17 @@ def bgt60tr13c(
     check.keywords(
         "bgt60tr13c",
         waveform,
-        ["stop_frequency", "pattern", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
+        [
+            *("stop_frequency", "pattern", "tx_power_dbm", "receiver", "if_gain_db", "high_pass"),
+            *design.REQUIREMENTS,
+            *names,
+        ],
     )
     values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
-    wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
+    requirements = {name: value for name, value in zip(design.REQUIREMENTS, values, strict=True) if value is not None}
     if stop_frequency is not None:
         waveform["stop_frequency"] = stop_frequency
-    shape = _wished(wishes, waveform) if wishes else _chosen(**waveform)
+    shape = _of_requirements(requirements, waveform) if requirements else _chosen(**waveform)
     spacing = 2.5e-3
     return Radar(
         shape,
@@ -148,16 +152,16 @@ def _chosen(stop_frequency: float | None = None, **waveform: Any) -> Waveform:
     return _waveform(settings, max(_CHIRP_INTERVAL, sweep + bgt60_chip.IDLE_TIME))
 
 
-def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
-    """Waveform that meets wishes, beside some other keywords."""
+def _of_requirements(requirements: dict[str, float], others: dict[str, Any]) -> Waveform:
+    """Waveform that meets requirements and some other keywords."""
     kept = {"start_frequency", "sample_rate", "num_samples", "num_chirps"}
-    if wishes.keys() <= {"max_range", "range_resolution"}:
+    if requirements.keys() <= {"max_range", "range_resolution"}:
         kept.add("chirp_interval")
-    if "rate" not in wishes:
+    if "rate" not in requirements:
         kept.add("frame_interval")
     if rest := [name for name in others if name not in kept]:
         raise ValueError(
-            f"{rest[0]}: expected none beside {' and '.join(wishes)}, which decide it, got {others[rest[0]]}"
+            f"{rest[0]}: expected none beside {' and '.join(requirements)}, which decide it, got {others[rest[0]]}"
         )
     if "start_frequency" in others:
         start = check.frequency("start_frequency", others["start_frequency"])
@@ -165,18 +169,18 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
         if not lowest <= start < highest:
             raise ValueError(f"start_frequency: expected {lowest:g} to {highest:g} [Hz], got {start:.6g}")
     if "sample_rate" in others:
-        return _designed(bgt60_chip.divider_of(others["sample_rate"]), wishes, others)
+        return _designed(bgt60_chip.divider_of(others["sample_rate"]), requirements, others)
     slow, fast = map(bgt60_chip.divider_of, _SAMPLE_RATES)
     try:
-        return _designed(slow, wishes, others)
-    except design.WishError:
-        return _designed(fast, wishes, others)
+        return _designed(slow, requirements, others)
+    except design.RequirementError:
+        return _designed(fast, requirements, others)
 
 
-def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
-    """Waveform that meets wishes at a number of clock cycles per sample."""
+def _designed(divider: int, requirements: dict[str, float], others: dict[str, Any]) -> Waveform:
+    """Waveform that meets requirements at a number of clock cycles per sample."""
     limits = bgt60_chip.limits(divider)
-    given: dict[str, Any] = wishes | {
+    given: dict[str, Any] = requirements | {
         name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
     }
     keywords = design.keywords_for(
@@ -231,10 +235,10 @@ def bgt60tr24(
 ) -> Radar:
     """Infineon BGT60TR24: two TX, four RX in a square of 3.5 mm, real samples.
 
-    There is no public data sheet. Receivers are at the places that published code has: RX1 upper right, RX2 upper
-    left, RX3 lower right, RX4 lower left, seen along the beam. The transmitters are put 7 mm apart, above the square,
-    so that the channels make a row of four by two without gaps: **an assumption**. Power, gain, beam widths and noise
-    figure are those of the BGT60TR13C. Without a schedule both transmitters are told apart without error.
+    There is no public data sheet. Receivers are at the positions of published code: RX1 upper right, RX2 upper left,
+    RX3 lower right, RX4 lower left, seen along the beam. The transmitters are 7 mm from each other, above the square,
+    so that the channels form four by two without gaps: **an assumption**. Power, gain, beam widths and noise figure are
+    copied from the BGT60TR13C. Without a schedule both transmitters are ideally separated.
 
     Defaults: 58 to 63.5 GHz sampled, 64 samples at 2 MHz, 16 chirps every 591 us, 25 ms from frame to frame.
 

@@ -1,4 +1,4 @@
-"""Settings of a waveform from wishes: range, velocity, resolutions and rate."""
+"""Settings of a waveform from requirements: range, velocity, resolutions and rate."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from radarcore import check
 from radarcore.units import SPEED_OF_LIGHT
 
 _NUM_SAMPLES, _NUM_CHIRPS = 128, 64
-"""Numbers of samples and chirps that nobody asked for."""
+"""Default numbers of samples and chirps."""
 
 _ROUNDING = 1e-9
-"""Part of a number that is its rounding."""
+"""Relative rounding error of a number."""
 
 _UNITS = {
     "max_range": "m",
@@ -23,42 +23,42 @@ _UNITS = {
     "velocity_resolution": "m/s",
     "rate": "Hz",
 }
-"""Units of the wishes."""
+"""Units of the requirements."""
 
-WISHES = tuple(_UNITS)
-"""Names of the wishes."""
+REQUIREMENTS = tuple(_UNITS)
+"""Names of the requirements."""
 
 _LEAST = ("range_resolution", "velocity_resolution")
-"""Wishes that can be had down to a number; the others can be had up to one."""
+"""Requirements with a lower limit; the others have an upper limit."""
 
 
-class WishError(ValueError):
-    """Error for a wish that cannot be had.
+class RequirementError(ValueError):
+    """Error for a requirement that cannot be met.
 
     Parameters
     ----------
-    wish : str
+    requirement : str
         Its name.
     possible : float
-        What can be had.
+        Limit of the requirement.
     beside : str
-        What that depends on.
+        The other settings behind this limit.
     got : float
     """
 
-    def __init__(self, wish: str, possible: float, beside: str, got: float) -> None:
-        super().__init__(wish, possible, beside, got)
-        self.wish: str = wish
+    def __init__(self, requirement: str, possible: float, beside: str, got: float) -> None:
+        super().__init__(requirement, possible, beside, got)
+        self.requirement: str = requirement
         self.possible: float = possible
 
     def __str__(self) -> str:
-        wish, possible, beside, got = self.args
-        is_least = wish in _LEAST
-        # Four digits, to the side on which it can be had.
+        requirement, possible, beside, got = self.args
+        is_least = requirement in _LEAST
+        # Four digits, rounded to the possible side.
         step = 10.0 ** (math.floor(math.log10(possible)) - 3) if 0.0 < possible < math.inf else 1.0
         number = step * (math.ceil if is_least else math.floor)(possible / step) if possible < math.inf else possible
         side = "at least" if is_least else "at most"
-        return f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}"
+        return f"{requirement}: expected {side} {number:.6g} {_UNITS[requirement]}{beside}, got {got:g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,26 +118,26 @@ def keywords_for(
     num_tx: int = 1,
     **given: float | None,
 ) -> dict[str, Any]:
-    """Keywords of a waveform that meets all wishes, see `Waveform.design`; a WishError names one that cannot be had.
+    """Keywords of a waveform that meets all requirements, see `Waveform.design`; a RequirementError names a conflict.
 
-    `given` are the wishes. `default_start`, `default_bandwidth` and `default_interval`: first frequency [Hz], sampled
-    band [Hz] and time from chirp to chirp [s] where wishes leave them free.
+    `given` are the requirements. `default_start`, `default_bandwidth` and `default_interval`: first frequency [Hz],
+    sampled band [Hz] and time from chirp to chirp [s] unless requirements determine them.
     """
-    wishes = {
+    requirements = {
         name: check.positive(name, given[name], unit) for name, unit in _UNITS.items() if given.get(name) is not None
     }
     if num_samples is not None:
         num_samples = check.count("num_samples", num_samples, maximum=limits.max_samples)
     if num_chirps is not None:
         num_chirps = check.count("num_chirps", num_chirps, maximum=limits.max_chirps)
-    chirp = _chirp(limits, wishes, num_samples, start_frequency, default_start, default_bandwidth)
-    times = _times(limits, wishes, num_chirps, chirp, default_interval, check.count("num_tx", num_tx))
+    chirp = _chirp(limits, requirements, num_samples, start_frequency, default_start, default_bandwidth)
+    times = _times(limits, requirements, num_chirps, chirp, default_interval, check.count("num_tx", num_tx))
     return {"sample_rate": limits.sample_rate, "adc_delay": limits.adc_delay, **chirp, **times}
 
 
 def _chirp(
     limits: Limits,
-    wishes: dict[str, float],
+    requirements: dict[str, float],
     num_samples: int | None,
     start_frequency: float | None,
     default_start: float,
@@ -146,8 +146,8 @@ def _chirp(
     """Start, slope and number of samples of a chirp."""
     rate, (lowest, highest) = limits.sample_rate, limits.frequencies
     widest = highest - (lowest if start_frequency is None else start_frequency)
-    max_range, resolution = wishes.get("max_range"), wishes.get("range_resolution")
-    shared = _with(wishes, ("max_range",), limits)
+    max_range, resolution = requirements.get("max_range"), requirements.get("range_resolution")
+    shared = _with(requirements, ("max_range",), limits)
     most = limits.max_samples if num_samples is None else num_samples
     usual = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
 
@@ -156,7 +156,7 @@ def _chirp(
         slope = _stepped(limits, min(SPEED_OF_LIGHT * rate / (4.0 * max_range), limits.max_slope), math.floor)
         if slope <= 0.0:
             farthest = SPEED_OF_LIGHT * rate / (4.0 * limits.slope_step)
-            raise WishError("max_range", farthest, f" at {_hertz(rate)}", max_range)
+            raise RequirementError("max_range", farthest, f" at {_hertz(rate)}", max_range)
     elif resolution is not None:
         # The more samples, the less of the band is lost before the first. Steps of slopes take up to 0.1 %.
         band = SPEED_OF_LIGHT / (2.0 * resolution)
@@ -168,7 +168,7 @@ def _chirp(
     else:
         raise ValueError("range_resolution: expected it or max_range, got neither")
 
-    # The samples: as many as the resolution asks for, or fewer than usual where the band is too narrow for these.
+    # Samples: the number for the resolution, or fewer than the default if the band is too narrow.
     fitting = min(most, _fitting(limits, slope, widest))
     needed = min(usual, fitting) if resolution is None else _needed(limits, resolution, slope)
     if resolution is not None and needed > fitting:
@@ -176,7 +176,7 @@ def _chirp(
             slope = _stepped(limits, min(widest / (limits.adc_delay + most / rate), limits.max_slope), math.floor)
             fitting = min(most, _fitting(limits, slope, widest))
         finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
-        raise WishError("range_resolution", finest, shared, resolution)
+        raise RequirementError("range_resolution", finest, shared, resolution)
     needed = max(needed, num_samples or 1)
     if needed > fitting:
         raise ValueError(f"num_samples: expected at most {fitting} in a band of {widest:g} Hz{shared}, got {needed}")
@@ -205,20 +205,20 @@ def _fitting(limits: Limits, slope: float, widest: float) -> int:
 
 def _times(
     limits: Limits,
-    wishes: dict[str, float],
+    requirements: dict[str, float],
     num_chirps: int | None,
     chirp: dict[str, Any],
     default_interval: float | None,
     num_tx: int,
 ) -> dict[str, Any]:
-    """Number of chirps, their interval and that of frames."""
+    """Number of chirps, chirp interval and frame interval."""
     sampled: float = chirp["num_samples"] / limits.sample_rate
     centre: float = chirp["start_frequency"] + chirp["slope"] * (limits.adc_delay + 0.5 * sampled)
     wavelength = SPEED_OF_LIGHT / centre
     shortest = num_tx * (limits.adc_delay + sampled + limits.idle_time)
-    speed, resolution, rate = (wishes.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
+    speed, resolution, rate = (requirements.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
     frame = math.inf if rate is None else 1.0 / rate
-    beside = _with(wishes, ("range_resolution", "max_range"), limits)
+    beside = _with(requirements, ("range_resolution", "max_range"), limits)
 
     # From chirp to chirp.
     usual = _NUM_CHIRPS if num_chirps is None else num_chirps
@@ -226,7 +226,7 @@ def _times(
         longest = wavelength / (4.0 * speed)
         if longest < shortest * (1.0 - _ROUNDING):
             turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
-            raise WishError("max_velocity", wavelength / (4.0 * shortest), beside + turns, speed)
+            raise RequirementError("max_velocity", wavelength / (4.0 * shortest), beside + turns, speed)
         interval = limits.shortened(longest)
     elif resolution is not None:
         interval = limits.longest(wavelength / (2.0 * resolution * usual))
@@ -235,30 +235,30 @@ def _times(
     # Faster where the usual number of chirps would not fit into the frame; where that is still too slow, it is refused.
     interval = max(shortest, min(interval, limits.shortened(frame / usual)))
 
-    # Chirps: as many as the resolution asks for, or as usual, or fewer where the frame is too short for these.
+    # Chirps: the number for the resolution, or the default, or fewer if the frame is too short.
     least = 1 if speed is None and resolution is None else 2
     most = limits.max_chirps
     if rate is not None:
         most = min(most, math.floor(frame / limits.longest(interval) * (1.0 + _ROUNDING)))
         if most < least:
             chirps = "a single chirp" if least == 1 else "two chirps"
-            raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{beside}", rate)
+            raise RequirementError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{beside}", rate)
     needed = min(_NUM_CHIRPS, most)
     if resolution is not None:
         shortened = limits.shortened(interval)
         needed = max(least, math.ceil(wavelength / (2.0 * resolution * shortened) * (1.0 - _ROUNDING)))
         allowed = most if num_chirps is None else min(most, num_chirps)
         if needed > allowed:
-            shared = _with(wishes, ("rate", "max_velocity"), limits, at_rate=False)
+            shared = _with(requirements, ("rate", "max_velocity"), limits, at_rate=False)
             chirps = "" if num_chirps is None else f" and num_chirps = {num_chirps}"
             finest = wavelength / (2.0 * allowed * shortened)
-            raise WishError("velocity_resolution", finest, shared + chirps, resolution)
+            raise RequirementError("velocity_resolution", finest, shared + chirps, resolution)
     if num_chirps is not None:
         needed = num_chirps
     if rate is not None and needed > most:
         highest = 1.0 / (needed * limits.longest(interval))
-        shared = _with({"num_chirps": needed} | wishes, ("num_chirps", "range_resolution", "max_range"), limits)
-        raise WishError("rate", highest, shared, rate)
+        shared = _with({"num_chirps": needed} | requirements, ("num_chirps", "range_resolution", "max_range"), limits)
+        raise RequirementError("rate", highest, shared, rate)
     return {"num_chirps": needed, "chirp_interval": interval, "frame_interval": None if rate is None else frame}
 
 
@@ -270,9 +270,10 @@ def _stepped(limits: Limits, slope: float, rounding: Callable[[float], int]) -> 
     return float(limits.slope_step * rounding(slope / limits.slope_step + towards))
 
 
-def _with(wishes: dict[str, float], names: tuple[str, ...], limits: Limits, *, at_rate: bool = True) -> str:
-    """Text of the other wishes that a wish depends on."""
-    given = [f"{name} = {wishes[name]:g} {_UNITS.get(name, '')}".rstrip() for name in names if name in wishes]
+def _with(requirements: dict[str, float], names: tuple[str, ...], limits: Limits, *, at_rate: bool = True) -> str:
+    """Text of the other requirements behind a limit."""
+    named = [name for name in names if name in requirements]
+    given = [f"{name} = {requirements[name]:g} {_UNITS.get(name, '')}".rstrip() for name in named]
     text = f" with {' and '.join(given)}" if given else ""
     return f"{text} at {_hertz(limits.sample_rate)}" if at_rate else text
 

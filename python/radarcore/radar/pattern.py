@@ -21,7 +21,7 @@ _BEAMWIDTHS = (1e-3, 360.0)
 """Limits of beam widths [degrees]: a dish of a hundred metres, and the width above which nothing is directive."""
 
 _RADIATED_DB = 1.0
-"""Power radiated over power fed beyond which gain and beam widths contradict each other [dB]: data sheets round."""
+"""Radiated over supplied power, above which gain and beam widths contradict each other [dB]: data sheets round."""
 
 _NUM_ANGLES = 180
 """Angles of either kind at which the gain is taken for the power."""
@@ -30,7 +30,7 @@ _NUM_ANGLES = 180
 @sealed
 @dataclass(unsafe_hash=True)
 class IsotropicPattern(Twinned):
-    """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of.
+    """Constant gain in all directions; more than 3 dBi is impossible and causes a warning.
 
     See Also
     --------
@@ -132,9 +132,9 @@ class GaussianPattern(Twinned):
 class TabulatedPattern(Twinned):
     """Gains at angles, bilinear between them in azimuth, elevation and dB.
 
-    Outside of the table nothing is sent or received: what was not measured is not made up. Its edge is a step that
-    surfaces show, so let a table reach to where the gain no longer matters. A table that goes round, with no wider a
-    gap behind the antenna than between its other azimuths, is closed there: -180 or 180 degrees may be given, or both.
+    The gain is zero outside of the table; nothing is extrapolated. The edge is a step, so extend a table until the gain
+    no longer matters. A table over all azimuths, with no wider gap behind the antenna than between its other azimuths,
+    is closed there: give -180 or 180 degrees, or both.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class TabulatedPattern(Twinned):
         self.elevation = _angles("elevation", elevation, 0.5 * np.pi, "rad")
         gains = check.array("gain_db", gain_db, (len(self.azimuth), len(self.elevation)))
         self.gain_db = check.frozen(check.below("gain_db", gains, check.LARGEST_DB, "dB"))
-        _warn_of_gain(self, float(self.gain_db.max()), "with a beam as wide as that of the table")
+        _warn_of_gain(self, float(self.gain_db.max()), "with the beam width of the table")
 
     @classmethod
     def from_degrees(cls, azimuth_deg: ArrayLike, elevation_deg: ArrayLike, gain_db: ArrayLike) -> TabulatedPattern:
@@ -203,7 +203,7 @@ class TabulatedPattern(Twinned):
         FileNotFoundError
             When there is no such file.
         ValueError
-            When lines are no table; names the row where it can.
+            When lines are not a table; names the row if possible.
 
         See Also
         --------
@@ -285,7 +285,7 @@ def _warn_of_gain(
 ) -> None:
     """Warn of a pattern that radiates more power to the front, x > 0, than the antenna is fed with.
 
-    What goes to the back is left out: constant gains of up to 3 dBi stand for elements in front of a ground.
+    The back is ignored: constant gains of up to 3 dBi represent elements in front of a ground plane.
     """
     # Midpoints of equal steps, to twice the beam width on either side.
     halves = [np.deg2rad(min(90.0, 2.0 * width)) for width in beamwidths_deg]

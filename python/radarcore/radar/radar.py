@@ -40,7 +40,7 @@ class Radar:
     waveform : Waveform or sequence of Waveform
         Of a frame of several sub-sequences (up- and down-chirps, say) all their waveforms: equally many samples at one
         sample rate, and chirps that do not overlap in time. `waveform` is then the first of them, `waveforms` has all;
-        the chirps of a frame are those of the first, then those of the second, ...
+        a frame has the chirps of the first, then of the second, ...
     tx, rx : (n, 3) array_like
         Antenna positions in the sensor frame [m]: x forward, y left, z up.
     pattern : IsotropicPattern, GaussianPattern or TabulatedPattern
@@ -53,8 +53,8 @@ class Radar:
         None: the ideal receiver, I/Q without noise.
     polarization : "vertical", "horizontal" or (3,) array_like, optional
         Direction of the field of every element, TX and RX: "vertical" is the z axis of the radar, "horizontal" its y
-        axis; or a unit vector in the sensor frame. Of every ray the direction across it. None: what materials reflect
-        is averaged over polarisations.
+        axis; or a unit vector in the sensor frame. Of every ray the direction across it. None: reflections are averaged
+        over polarisations.
     schedule : Schedule, optional
         When and in which phase transmitters send: `Schedule.tdm`, `.ddm`, `.steered`. None: every transmitter is
         received as if it were alone, all at the same time, which no radar with several can do.
@@ -63,7 +63,7 @@ class Radar:
     channel_weights : (channel,) array_like of complex, optional
         Factors that equalise the channels, the inverse of their errors, as `calibrate` measures them. `detect`,
         `track`, `range_angle` and all others that combine channels by phase multiply the channels by them. Samples stay
-        as they are, and `Simulator` ignores them. None: the phases of the receiver, `channel_phases`, are taken off.
+        as they are, and `Simulator` ignores them. None: corrects the phases of the receiver, `channel_phases`.
 
     Raises
     ------
@@ -74,13 +74,13 @@ class Radar:
     Warns
     -----
     UserWarning
-        For antennas more than 100 wavelengths apart, which is hardly meant.
+        For antennas more than 100 wavelengths from each other, which is implausible.
 
     See Also
     --------
     bgt60tr13c : A real one.
-    Waveform : What it sends.
-    Receiver : What lies between antennas and samples.
+    Waveform : Its transmitted signal.
+    Receiver : The chain between antennas and samples.
     Simulator : Frames of a scene.
 
     Examples
@@ -195,7 +195,7 @@ class Radar:
 
     @cached_property
     def num_chirps(self) -> int:
-        """Number of chirps of a frame, those of all sub-sequences."""
+        """Number of chirps of a frame, over all sub-sequences."""
         return sum(waveform.num_chirps for waveform in self.waveforms)
 
     @cached_property
@@ -222,7 +222,7 @@ class Radar:
 
     @property
     def _tx_offsets(self) -> NDArray[np.float64]:
-        """Time from the chirps of the waveforms to those of every transmitter, (tx,) [s]."""
+        """Time from the chirps of the waveforms to the chirps of every transmitter, (tx,) [s]."""
         if self.schedule is None:
             return np.zeros(len(self.tx))
         return self.schedule.offsets(len(self.tx), shortest_interval(self.waveforms))
@@ -238,9 +238,9 @@ class Radar:
         """Positions of the channels in the sensor frame, (channel, 3) [m]: of TX and RX, about their means, added.
 
         An echo from far away in a direction has the phase ``-2 pi position . direction / wavelength`` relative to one
-        of antennas at the centre of the array. Where a schedule has all transmitters send at once, these are the
-        receivers about their mean; the transmitters have one phase together, that of their mean when the beam is
-        steered by angles.
+        of antennas at the centre of the array. If a schedule has all transmitters send at once, these are the receivers
+        about their mean; the transmitters have one common phase, the phase at their mean if the beam is steered by
+        angles.
         """
         tx, rx = self.tx - self.tx.mean(axis=0), self.rx - self.rx.mean(axis=0)
         positions: NDArray[np.float64] = rx if self._is_sum else (tx[:, None] + rx).reshape(-1, 3)
@@ -340,7 +340,7 @@ class Radar:
         }
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
-        """Patterns of elements for JSON; None if all have the one of the radar."""
+        """Patterns of elements for JSON; None if all have the pattern of the radar."""
         return None if all(p == self.pattern for p in patterns) else [pattern_to_dict(p) for p in patterns]
 
     @classmethod
@@ -406,7 +406,7 @@ def _band_text(waveform: Waveform) -> str:
 
 
 def _pattern_facts(tx: Sequence[Pattern], rx: Sequence[Pattern]) -> dict[str, str]:
-    """The pattern of all antennas, or those of one after the other."""
+    """The common pattern of all antennas, or a list of patterns."""
     every = (("transmitter", tx), ("receiver", rx))
     facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
     return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(tx[0])}

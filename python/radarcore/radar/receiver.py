@@ -27,17 +27,17 @@ class Leakage:
     Parameters
     ----------
     level_db : float or sequence of float, optional
-        Power at the receiver's input over that of one transmitter [dB]. None: no tone.
+        Power at the receiver's input relative to one transmitter [dB]. None: no tone.
     delay : float
         Delay [s]; the high-pass sees the beat frequency ``slope * delay``.
     phase_deg : float or sequence of float
-        Phase on top of that of the delay [degrees].
+        Phase in addition to the delay [degrees].
     echo_db : float or sequence of float, optional
         Power of a second tone, which comes off a cover, a housing or the board, as `level_db` [dB]. None: no such tone.
     echo_delay : float
         Its delay [s].
     echo_phase_deg : float or sequence of float
-        Its phase on top of that of the delay [degrees].
+        Its phase in addition to the delay [degrees].
     step_db : float or sequence of float, optional
         Step of turning the transmitter on, behind the high-pass at the first sample, over the power of one transmitter
         [dB]. None: no step.
@@ -49,7 +49,7 @@ class Leakage:
     See Also
     --------
     Receiver : Takes it as `leakage`.
-    bgt60tr13c : Has that of a real chip with ``receiver="measured"``.
+    bgt60tr13c : Has the leakage of a real chip with ``receiver="measured"``.
 
     Examples
     --------
@@ -208,9 +208,9 @@ class Receiver:
     iq_phase_deg : float, optional
         Phase error of Q [degrees], of I/Q receivers.
     gain_db : float, optional
-        From the receiver's input to that of the ADC, both at 50 ohm [dB].
+        From the receiver's input to the ADC's input, both at 50 ohm [dB].
     full_scale : float, optional
-        Voltage of a sample of 1 [V]; what is beyond -1 or 1 clips.
+        Voltage of a sample of 1 [V]; samples beyond -1 or 1 clip.
     dc_offset : float or sequence of float, optional
         Added to the samples, in their unit; one, or one per receiver.
     adc_bits : int, optional
@@ -286,7 +286,7 @@ class Receiver:
         self._check_together()
 
     def _check_together(self) -> None:
-        """Refuse settings without those that give them a meaning."""
+        """Raise an error for settings without their prerequisites."""
         errors = AdcErrors() if self.adc_errors is None else self.adc_errors
         for name, is_given, needed in (
             ("adc_errors.turn_on_db", errors.turn_on_db is not None, "noise_figure_db"),

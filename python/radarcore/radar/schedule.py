@@ -25,16 +25,16 @@ _LARGEST_WEIGHT = 1.0 + 1e-9
 @sealed
 @dataclass(kw_only=True, eq=False)
 class Schedule:
-    """Which transmitter sends when, and in which phase; made by `tdm`, `ddm` and `steered`.
+    """Order and phases of the transmitters; made by `tdm`, `ddm` and `steered`.
 
     Without a schedule the transmitters of a radar are ideally separated: each is received as if it were alone, all at
-    the same time. No hardware does this; schedules are what real radars do.
+    the same time. No hardware does this; real radars use schedules.
 
     Parameters
     ----------
     kind : "tdm", "ddm" or "steered"
     interval : float, optional
-        TDM: from the ramp of one transmitter to that of the next [s].
+        TDM: time from the ramp of one transmitter to the next [s].
     order : tuple of int, optional
         TDM: numbers of the transmitters in the order of their turns.
     turns : (tx,) array_like, optional
@@ -47,7 +47,7 @@ class Schedule:
     See Also
     --------
     Schedule.tdm : Transmitters in turns.
-    Schedule.ddm : At once, told apart by Doppler.
+    Schedule.ddm : At once, separated by Doppler.
     Schedule.steered : At once, as one beam.
     demultiplex : Channels from the samples of DDM.
 
@@ -85,10 +85,10 @@ class Schedule:
     def tdm(cls, interval: float | None = None, order: Sequence[int] | None = None) -> Schedule:
         """Transmitters take turns (time-division multiplexing): after every chirp of the first comes one of the second.
 
-        ``waveform.chirp_times`` are then the starts of the ramps of the transmitter whose turn is first; those of
-        number k in turn start `k interval` later. Velocity axes stay those of the waveform; a moving target has moved
-        between the turns: its phase differs between transmitters by ``2 pi f_doppler k interval``. Channels are
-        ``tx * num_rx + rx``, and `Radar.channel_offsets` has their times.
+        ``waveform.chirp_times`` are then the starts of the ramps of the first transmitter; ramps of number k in turn
+        start `k interval` later. Velocity axes follow the waveform. A target moves between the turns: its phase differs
+        between transmitters by
+        ``2 pi f_doppler k interval``. Channels are ``tx * num_rx + rx``, and `Radar.channel_offsets` has their times.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Schedule:
 
         See Also
         --------
-        Schedule.ddm : All at once, told apart by Doppler.
+        Schedule.ddm : All at once, separated by Doppler.
         Radar.channel_offsets : Times of the channels.
 
         Examples
@@ -113,12 +113,12 @@ class Schedule:
 
     @classmethod
     def ddm(cls, turns: ArrayLike | None = None) -> Schedule:
-        """All transmitters send at once, told apart by their Doppler frequency (Doppler-division multiplexing).
+        """All transmitters send at once, separated by their Doppler frequency (Doppler-division multiplexing).
 
         The phase of transmitter i advances by ``turns[i]`` from chirp to chirp. Receivers get the sum: echoes of every
         transmitter appear at velocities of their own, ``-turns[i] * 2 max_velocity`` beside the true one, and
         `demultiplex` makes channels of them. Channels are the receivers. With the default turns, unambiguous velocities
-        are fewer by the number of transmitters. With an empty band, `detect` finds which transmitter is which:
+        are fewer by the number of transmitters. With an empty band, `detect` identifies the transmitters:
         all velocities of the waveform are unambiguous, and all pairs of antennas give the direction.
 
         Parameters
@@ -150,9 +150,9 @@ class Schedule:
         """All transmitters send at once, as one array whose beam is steered, chirp by chirp if need be.
 
         Every transmitter sends `Radar.tx_power` times ``abs(weight)**2``; n of them add up to n**2 times the power of
-        one in the direction of the beam. What is received is the sum over transmitters of the samples that each alone
-        gives, times ``conj(weight)``: a field that lags by a phase is an echo of a greater delay, whose phase is
-        greater, docs/theory.md eq. (1). Channels are the receivers.
+        one in the direction of the beam. Receivers get the sum over transmitters of their separate samples times
+        ``conj(weight)``: a field that lags by a phase is an echo of a greater delay with a greater phase,
+        docs/theory.md eq. (1). Channels are the receivers.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class Schedule:
         azimuth = 0.0 if self.azimuth is None else self.azimuth
         elevation = 0.0 if self.elevation is None else self.elevation
         direction = unit_vectors(azimuth, elevation)
-        # The transmitter nearer to the target lags, so that its field arrives with those of the others.
+        # The transmitter nearer to the target lags, so that all fields arrive in phase.
         turns = direction @ (tx - tx.mean(axis=0)).T / wavelength
         return np.broadcast_to(np.exp(-2j * np.pi * turns), (num_chirps, num_tx)).copy()
 
@@ -277,7 +277,7 @@ def _order(name: str, value: Any) -> tuple[int, ...]:
     return order
 
 
-def _turns(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _turns_per_chirp(name: str, value: ArrayLike) -> NDArray[np.float64]:
     turns = check.array(name, value, (None,))
     if len(turns) > 1 and np.diff(np.sort(turns % 1.0)).min() < 1e-9:
         raise ValueError(f"{name}: expected another part of a turn for every transmitter, got {turns.tolist()}")
@@ -300,7 +300,7 @@ def _angles(name: str, value: ArrayLike) -> NDArray[np.float64]:
 _SETTINGS: dict[str, tuple[str, Callable[[str, Any], Any]]] = {
     "interval": ("tdm", partial(check.positive, unit="s")),
     "order": ("tdm", _order),
-    "turns": ("ddm", _turns),
+    "turns": ("ddm", _turns_per_chirp),
     "weights": ("steered", _weights),
     "azimuth": ("steered", _angles),
     "elevation": ("steered", _angles),

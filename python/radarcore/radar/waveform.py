@@ -75,7 +75,7 @@ class Waveform(Twinned):
 
     See Also
     --------
-    Waveform.design : From wishes: range, velocity, resolutions, rate.
+    Waveform.design : From requirements: range, velocity, resolutions, rate.
     Waveform.from_sweep : From two frequencies.
     Radar : Takes it.
 
@@ -161,13 +161,13 @@ class Waveform(Twinned):
     ) -> Waveform:
         """Waveform whose ramp starts at `start_frequency` and samples a band as wide as to `stop_frequency` [Hz].
 
-        ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are those of
+        ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are as in
         `Waveform`. A stop below the start is a down-chirp. An `adc_delay` shifts the sampled band by
         ``slope * adc_delay``, its width stays.
 
         See Also
         --------
-        Waveform.design : From wishes: range, velocity, resolutions, rate.
+        Waveform.design : From requirements: range, velocity, resolutions, rate.
 
         Examples
         --------
@@ -205,15 +205,15 @@ class Waveform(Twinned):
         idle_time: float = 0.0,
         num_tx: int = 1,
     ) -> Waveform:
-        """Waveform that meets all wishes, with the steepest slope, the fewest samples and the slowest chirps that do.
+        """Waveform that meets all requirements with the steepest slope, the fewest samples and the slowest chirps.
 
         Parameters
         ----------
         max_range, range_resolution : float
-            Least `max_range`, that of real samples, and largest width of a range bin [m]; at least one of them. Without
-            a resolution there are 128 samples, without a range as many as the resolution makes of 128.
+            Least `max_range` for real samples, and largest width of a range bin [m]; at least one of them. Default: the
+            range of 128 samples at the resolution, or 128 samples for the range.
         max_velocity : float, optional
-            Least `max_velocity` [m/s]; default: chirps as close as they can be.
+            Least `max_velocity` [m/s]; default: the shortest chirp interval.
         velocity_resolution : float, optional
             Width of a velocity bin [m/s]; default: 64 chirps, or what fits into the frame.
         rate : float, optional
@@ -228,11 +228,11 @@ class Waveform(Twinned):
         Raises
         ------
         ValueError
-            For a wish that cannot be had beside the others: the message names it, and what could be had.
+            For conflicting requirements: the message names one and its limit.
 
         See Also
         --------
-        bgt60tr13c : The same wishes, of a real chip.
+        bgt60tr13c : The same requirements, of a real chip.
         Waveform.from_sweep : From two frequencies.
 
         Examples
@@ -297,8 +297,8 @@ class Waveform(Twinned):
     def alternating(self) -> tuple[Waveform, Waveform]:
         """Waveforms of up- and down-chirps in turn over the same band, for ``Radar(waveform.alternating())``.
 
-        The chirps of this waveform with even numbers, and those with odd numbers falling from the end of the sampled
-        band to its start (rising, if this one is falling). There is an even number of them.
+        The chirps of this waveform with even numbers, and its odd chirps falling from the end of the sampled band to
+        its start (rising, if this waveform falls). There is an even number of them.
 
         See Also
         --------

@@ -265,7 +265,7 @@ AnyJoints = Annotated[RestTable | JointTrajectoryTable | LineTable | JointStates
 
 
 class ArmTable(PlacedTable):
-    """A robot arm; pose, motion and attached_to are those of its base."""
+    """A robot arm; `pose`, `motion` and `attached_to` belong to its base."""
 
     name: str = _key("arm", "", "prefix of the names of the links")
     model: str = _key("ur10", "", f"{', '.join(arm_names())} (extra `robots` but for ur10); or the path of a URDF file")
@@ -296,7 +296,7 @@ class TdmTable(Table):
 
 
 class DdmTable(Table):
-    """Transmitters at once, apart by their Doppler frequency."""
+    """Transmitters at once, separated by their Doppler frequency."""
 
     kind: Literal["ddm"]
     turns: list[float] | None = _key(None, "turns", "of every transmitter per chirp; default: number k of n has k/n")
@@ -309,7 +309,7 @@ class SteeredTable(Table):
     azimuth_deg: float | list[float] | None = _key(None, "degrees", "one, or one per chirp, to the left; default: 0")
     elevation_deg: float | list[float] | None = _key(None, "degrees", "one, or one per chirp, up; default: 0")
     phases_deg: list[float] | list[list[float]] | None = _key(
-        None, "degrees", "of every transmitter, or a list of them per chirp; default: those of the angles"
+        None, "degrees", "of every transmitter, or a list of them per chirp; default: from the angles"
     )
 
 
@@ -317,7 +317,7 @@ AnySchedule = Annotated[TdmTable | DdmTable | SteeredTable, Field(discriminator=
 
 
 class SequenceTable(Table):
-    """A further sub-sequence of every frame: what differs from the first, and when it comes."""
+    """A further sub-sequence of every frame: its differences from the first, and its delay."""
 
     delay: float = _key(..., "s", "from the start of the frame to its first chirp")
     start_frequency: float | None = _key(None, "Hz", "at the start of the ramp; default: as the first")
@@ -327,7 +327,7 @@ class SequenceTable(Table):
 
 
 class RadarTable(Table):
-    """The radar; given keys override those of a preset."""
+    """The radar; given keys override a preset."""
 
     preset: Literal["bgt60tr13c", "bgt60tr24"] | None = _key(None, "", "a real sensor")
     start_frequency: float | None = _key(None, "Hz", "at the start of the ramp")
@@ -340,11 +340,19 @@ class RadarTable(Table):
     chirp_times: list[float] | None = _key(None, "s", "start of every chirp, increasing; in place of chirp_interval")
     frame_interval: float | None = _key(None, "s", "from frame to frame; default: back to back, or the preset's")
     adc_delay: float | None = _key(None, "s", "from ramp start to first sample; default: 0, or the preset's")
-    max_range: float | None = _key(None, "m", "wish in place of slope and num_samples: largest range; default: none")
-    range_resolution: float | None = _key(None, "m", "wish in place of slope and num_samples: range bin; default: none")
-    max_velocity: float | None = _key(None, "m/s", "wish in place of chirp_interval: largest velocity; default: none")
-    velocity_resolution: float | None = _key(None, "m/s", "wish in place of num_chirps: velocity bin; default: none")
-    rate: float | None = _key(None, "Hz", "wish in place of frame_interval: frames per second; default: none")
+    max_range: float | None = _key(
+        None, "m", "requirement, replaces slope and num_samples: largest range; default: none"
+    )
+    range_resolution: float | None = _key(
+        None, "m", "requirement, replaces slope, num_samples: range bin; default: none"
+    )
+    max_velocity: float | None = _key(
+        None, "m/s", "requirement, replaces chirp_interval: largest velocity; default: none"
+    )
+    velocity_resolution: float | None = _key(
+        None, "m/s", "requirement, replaces num_chirps: velocity bin; default: none"
+    )
+    rate: float | None = _key(None, "Hz", "requirement, replaces frame_interval: frames per second; default: none")
     alternating: bool = _key(False, "", "chirps with odd numbers go the other way: two sub-sequences, up and down")
     sequences: list[SequenceTable] | None = _key(None, "", "further sub-sequences of every frame; default: none")
     schedule: AnySchedule | None = _key(None, "", "how transmitters send; default: ideally separated")

@@ -11,7 +11,7 @@ import numpy as np
 
 from radarcore import check
 from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
-from radarcore.radar.design import WISHES
+from radarcore.radar.design import REQUIREMENTS
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.radar import Radar, complex_of_pairs
 from radarcore.radar.schedule import Schedule
@@ -20,7 +20,7 @@ from radarcore.scenefile.build.cache import BuildCache
 from radarcore.scenefile.read import located
 from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, SteeredTable, TdmTable
 
-_WAVEFORM_KEYS = {"stop_frequency", *WISHES, *(field.name for field in fields(Waveform))}
+_WAVEFORM_KEYS = {"stop_frequency", *REQUIREMENTS, *(field.name for field in fields(Waveform))}
 
 
 def radar_of(table: RadarTable, directory: Path, kept: BuildCache) -> Radar:
@@ -99,10 +99,10 @@ def _measured(table: RadarTable) -> dict[str, Any]:
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:
-    if not values.keys().isdisjoint(WISHES):
+    if not values.keys().isdisjoint(REQUIREMENTS):
         taken = set(signature(Waveform.design).parameters)
         if other := [name for name in values if name not in taken]:
-            raise ValueError(f"{other[0]}: expected none beside wishes, which decide it, got {values[other[0]]}")
+            raise ValueError(f"{other[0]}: expected none beside requirements, which decide it, got {values[other[0]]}")
         return Waveform.design(**values)
     for name in ("start_frequency", "sample_rate", "num_samples"):
         if name not in values:
