@@ -13,8 +13,8 @@
 # %% [markdown]
 # # A robot arm and a walking person
 #
-# A radar rides on the flange of a robot arm that reaches forward, and a person walks past. Where is the person? We make
-# the motions, record some frames, take off what stands still, track what is left, and look at the gait.
+# A robot arm reaches forward with a radar on its flange, and a person walks past. Where is the person? We define the
+# motions, record some frames, remove static echoes, track the person, and look at the gait.
 
 # %%
 import matplotlib.pyplot as plt
@@ -30,7 +30,7 @@ WALKING_SPEED = 1.0  # [m/s]
 # %% [markdown]
 # ## Motions
 #
-# The arm moves its flange along a straight line. The radar is mounted on it: its motion is that of the flange, times a
+# The arm moves its flange along a straight line. The radar is mounted on it: its motion is the flange motion times a
 # pose. [Arms](../robots.md) come by name or from URDF files, too.
 
 # %%
@@ -43,7 +43,7 @@ for time in (0.0, DURATION):
     print(f"{time:.1f} s: radar at", np.round(radar_motion.at(time).position, 2), "m")
 
 # %% [markdown]
-# The person walks along a path. Every limb is a body of the scene with a motion of its own.
+# The person walks along a path. Every limb is a body of the scene with its own motion.
 
 # %%
 person = rc.models.Human(height=1.75, speed=WALKING_SPEED, path=[[4.8, -1.0], [2.6, 1.0]])
@@ -66,10 +66,10 @@ recording = simulator.record(0.0, DURATION, rate=RATE, progress=False)
 recording
 
 # %% [markdown]
-# ## What stands still
+# ## Static echoes
 #
-# The radar moves, so the post does, too, as the radar sees it. The arm knows how fast its flange is, and
-# `remove_static` takes off all that has the velocity of the ground: [moving radar](../ego-motion.md).
+# Relative to the moving radar, the post moves, too. The arm knows the velocity of its flange, and `remove_static`
+# removes all echoes with the velocity of the ground: [moving radar](../ego-motion.md).
 
 # %%
 times = recording.time + radar.middle  # the middle of every frame
@@ -98,8 +98,8 @@ print(f"{len(tracks)} track(s); the longest is seen in {longest.num_hits} of {le
 # %% [markdown]
 # ## Gait
 #
-# The spectrogram shows velocities over time: the trunk walks on, legs and arms swing about it. Here is the same person
-# seen by a radar at rest. Dashed lines are the truth.
+# The spectrogram shows velocities over time: legs and arms swing about the trunk. Here a radar at rest sees the same
+# person. Dashed lines are the truth.
 
 # %%
 alone = rc.Scene(person.bodies(name="person"))
@@ -109,8 +109,7 @@ figure, ax = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
 names = ["person/trunk", "person/right_foot"]
 _ = rc.plot.spectrogram(watched, ax, names=names)
 
-# %% [markdown]
-# Vary `WALKING_SPEED`, and the path: of somebody who walks across the view only little is left to see, as ranges hardly
-# change.
+# %% [markdown] Vary `WALKING_SPEED` and the path: a person who walks across the view has small range rates and is hard
+# to see.
 #
 # Next: [choosing a waveform and an array](waveform_and_array.py).

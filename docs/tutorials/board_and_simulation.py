@@ -14,8 +14,8 @@
 # # A board and its simulation
 #
 # Measure with a board, simulate the same scene, and compare both with the truth. Here the board is emulated in this
-# process: it answers byte by byte as a BGT60TR13C does, and a simulated scene stands in front of it. With a board of
-# your own, replace one statement. (The port of the emulated board is a pty, which Windows has not.)
+# process: it answers byte by byte like a BGT60TR13C in front of a simulated scene. For a real board, replace one
+# statement. (The emulated port is a pty, which Windows lacks.)
 
 # %%
 import matplotlib.pyplot as plt
@@ -29,7 +29,7 @@ RATE = 20.0  # frames per second
 
 
 # %% [markdown]
-# ## What stands before the radar
+# ## The scene
 #
 # A ball swings on a string, and a plate hangs beside it.
 
@@ -48,9 +48,9 @@ wanted = rc.bgt60tr13c(range_resolution=0.05, max_range=3.2, num_chirps=32, rate
 # %% [markdown]
 # ## Measure
 #
-# `configure` writes the registers of the chip, and returns the radar as achieved: times and frequencies come in the
-# chip's own steps. With a real board the three lines in brackets are one, `rc.open_sensor() as sensor`.
-# [Sensors](../sensor.md) tells how to connect one; `radarcore sensor selftest` checks it.
+# `configure` writes the registers of the chip, and returns the achieved radar: times and frequencies are rounded to the
+# chip's steps. With a real board, replace the three lines in brackets with `rc.open_sensor() as sensor`.
+# [Sensors](../sensor.md) explains the connection; `radarcore sensor selftest` checks it.
 
 # %%
 room = rc.Simulator(scene, rc.bgt60tr13c(), field_of_view_deg=(30.0, 10.0))
@@ -65,17 +65,17 @@ with (
 measured
 
 # %% [markdown]
-# A recording is kept with `save`, and loaded again with `Recording.load`: [recordings](../recordings.md).
+# `save` stores a recording, `Recording.load` loads it: [recordings](../recordings.md).
 
 # %%
 measured.save("out/measured", overwrite=True)
 measured = rc.Recording.load("out/measured")
 
 # %% [markdown]
-# ## Take off what stands still
+# ## Remove static echoes
 #
-# A board hears its own transmitter, at 0 m and louder than any echo. The leakage is the same in all frames, and so are
-# the echoes of all that stands still.
+# A board receives its own transmitter, at 0 m and stronger than any echo. Leakage and static echoes are equal in all
+# frames.
 
 # %%
 moving = rc.remove_mean(measured)
@@ -87,7 +87,7 @@ for one, title, ax in ((measured, "As measured", axes[0]), (moving, "Without wha
 # %% [markdown]
 # ## Simulate the same
 #
-# The same scene, simulated with the radar that the board has made of our wishes.
+# The same scene, simulated with the achieved radar of the board.
 
 # %%
 simulator = rc.Simulator(scene, achieved, field_of_view_deg=(30.0, 10.0))
@@ -97,9 +97,9 @@ simulated
 # %% [markdown]
 # ## Compare
 #
-# Both recordings are tracked, each on its own, and their tracks compared with the truth in fractions of a bin. Shares
-# are of the frames in which the error is below half a range bin, or below a velocity bin.
-# [Comparison](../comparison.md) says what is compared, and how clocks that differ are aligned.
+# Both recordings are tracked separately, and their tracks are compared with the truth in fractions of a bin. Shares
+# count the frames with errors below half a range bin, or below a velocity bin. [Comparison](../comparison.md) explains
+# the measures and the alignment of clocks.
 
 # %%
 compared = rc.compare(simulated, rc.remove_mean(measured), range_only=True, progress=False)
@@ -110,9 +110,7 @@ for name, errors in zip(("simulated", "measured"), compared["ball"].errors, stri
 # %%
 compared.figure(max_range=3.0)
 
-# %% [markdown]
-# Where the ball turns, at 0.5 s, it stands still for a moment, and `remove_mean` has taken off a part of its echo, too:
-# two of the measured velocities are off. Compare `measured` itself, and they are not.
+# %% [markdown] When the ball turns, at 0.5 s, it is at rest for a moment, and `remove_mean` removes a part of its echo,
+# too: two measured velocities are wrong. They are right in a comparison of `measured` itself.
 #
-# That is the way from a board to a model that you trust: where both agree with the truth, simulate what you cannot
-# measure.
+# This is how to build trust in a model: where both agree with the truth, simulate scenes that you cannot measure.

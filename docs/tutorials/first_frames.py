@@ -13,8 +13,8 @@
 # %% [markdown]
 # # First frames
 #
-# A metal ball flies towards a radar, a plate stands behind it. We simulate what the radar receives, turn the samples
-# into a map of ranges and velocities, and compare what we find with the truth.
+# A metal ball flies towards a radar, a plate stands behind it. We simulate the received samples, compute a map of
+# ranges and velocities, and compare detections with the truth.
 
 # %%
 import matplotlib.pyplot as plt
@@ -27,8 +27,8 @@ MAX_VELOCITY = 3.0  # [m/s]
 # %% [markdown]
 # ## A scene
 #
-# A scene holds bodies: a mesh, a material and a motion each. x points forward, y to the left, z up; lengths are in
-# metres, times in seconds. Meshes of your own come from files: [my own mesh](../own-mesh.md).
+# A scene holds bodies, each with a mesh, a material and a motion. x points forward, y to the left, z up; lengths are in
+# metres, times in seconds. Files contain your own meshes: [my own mesh](../own-mesh.md).
 
 # %%
 metal = rc.materials["metal"]
@@ -40,8 +40,8 @@ scene = rc.Scene([ball, plate])
 # %% [markdown]
 # ## A radar
 #
-# `bgt60tr13c` is a chip with one transmitter and three receivers at 60 GHz. We say what we want to see; the settings
-# follow, within the limits of the chip. [Waveforms](../waveforms.md) tells what each wish costs.
+# `bgt60tr13c` is a chip with one transmitter and three receivers at 60 GHz. We state requirements; the settings follow,
+# within the limits of the chip. [Waveforms](../waveforms.md) lists the cost of each requirement.
 
 # %%
 radar = rc.bgt60tr13c(max_range=6.0, range_resolution=0.06, max_velocity=MAX_VELOCITY, rate=20.0)
@@ -50,8 +50,8 @@ radar
 # %% [markdown]
 # ## A frame
 #
-# A frame is a burst of chirps. Its cube has the samples `[channel, chirp, sample]`, as the ADC delivers them. With it
-# comes the [truth](../truth.md): where the nearest points of the bodies were in the middle of the frame.
+# A frame is a burst of chirps. Its cube has the samples `[channel, chirp, sample]`, as the ADC delivers them. The frame
+# also has the [truth](../truth.md): the nearest points of the bodies in the middle of the frame.
 
 # %%
 simulator = rc.Simulator(scene, radar)
@@ -68,8 +68,8 @@ _ = rc.plot.chirp(frame, ax=ax)
 # %% [markdown]
 # ## Ranges and velocities
 #
-# A Fourier transform over the samples tells ranges, another one over the chirps velocities. Approaching is negative:
-# velocity is the rate at which the range grows. Crosses are the truth.
+# A Fourier transform over the samples gives ranges, another one over the chirps gives velocities. Approaching is
+# negative: velocity is the rate at which the range grows. Crosses are the truth.
 
 # %%
 figure, ax = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
@@ -78,7 +78,7 @@ _ = rc.plot.range_doppler_map(frame, ax=ax, max_range=5.0)
 # %% [markdown]
 # ## Against the truth
 #
-# `detect` finds what stands out of the noise, and places it between the cells of the map. [Detection](../detection.md)
+# `detect` finds echoes above the noise, and interpolates between the cells of the map. [Detection](../detection.md)
 # has the details.
 
 # %%
@@ -88,8 +88,7 @@ for name, true_range, true_velocity in zip(frame.truth.names, frame.truth.range,
     print(f"{name}: {detections.range[k]:.2f} m, {detections.velocity[k]:+z.2f} m/s, ", end="")
     print(f"{detections.snr_db[k]:.0f} dB over noise; truth {true_range:.2f} m, {true_velocity:+.2f} m/s")
 
-# %% [markdown]
-# Now set `SPEED` to 4.0 and run all cells again. A warning says what happens: the ball approaches faster than the radar
-# can tell, and seems to recede at 2 m/s, as velocities are known modulo `2 * radar.max_velocity` only.
+# %% [markdown] Now set `SPEED` to 4.0 and run all cells again. A warning appears: the ball exceeds the maximum velocity
+# and seems to recede at 2 m/s, because velocities are known only modulo `2 * radar.max_velocity`.
 #
 # Next: [a robot arm and a walking person](arm_and_person.py).

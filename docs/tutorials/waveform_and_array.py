@@ -13,8 +13,8 @@
 # %% [markdown]
 # # Choosing a waveform and an array
 #
-# What range, velocity and angle can a radar tell apart, and how well does it know them? We ask for settings by what we
-# want to see, look at what limits them, and check the limits with simulated targets.
+# Which ranges, velocities and angles can a radar resolve, and how accurately? We state requirements, look at their
+# limits, and check these with simulated targets.
 
 # %%
 import warnings
@@ -31,20 +31,19 @@ MAX_VELOCITY = 8.0  # [m/s]
 NUM_TRIALS = 200  # frames with new noise each
 
 # %% [markdown]
-# ## Wishes
+# ## Requirements
 #
-# `Waveform.design` turns wishes into settings. `max_range` is that of real samples; I/Q samples, as here, have twice
-# that. [Waveforms](../waveforms.md) has a table of what each wish costs.
+# `Waveform.design` turns requirements into settings. `max_range` holds for real samples; I/Q samples, as here, have
+# twice that. [Waveforms](../waveforms.md) has a table with the cost of each requirement.
 
 # %%
-wishes = {"max_range": MAX_RANGE, "range_resolution": RANGE_RESOLUTION, "max_velocity": MAX_VELOCITY}
-waveform = rc.Waveform.design(**wishes, num_tx=3, num_chirps=64, start_frequency=76.5e9, sample_rate=5e6)
+requirements = {"max_range": MAX_RANGE, "range_resolution": RANGE_RESOLUTION, "max_velocity": MAX_VELOCITY}
+waveform = rc.Waveform.design(**requirements, num_tx=3, num_chirps=64, start_frequency=76.5e9, sample_rate=5e6)
 print(f"{waveform.num_samples} samples, {waveform.bandwidth / 1e6:.0f} MHz, chirps every", end=" ")
 print(f"{1e6 * waveform.chirp_interval:.0f} us, velocity bins of {waveform.velocity_resolution:.2f} m/s")
 
-# %% [markdown]
-# Wishes compete. A finer range resolution takes longer chirps, and these make the largest velocity smaller. What cannot
-# be had is refused, with what can:
+# %% [markdown] Requirements compete. A finer range resolution needs longer chirps, which reduce the largest velocity.
+# Conflicting requirements raise an error with the limit:
 
 # %%
 try:
@@ -55,7 +54,7 @@ except ValueError as error:
 # %% [markdown]
 # ## Resolution
 #
-# Two equal targets at the same velocity: what is closer than about a range bin and a half is one hill in the profile.
+# Two equal targets at the same velocity: closer than about one and a half range bins, they merge into one peak.
 
 # %%
 radar = rc.Radar(waveform, receiver=rc.Receiver(noise_figure_db=12.0))
@@ -74,8 +73,7 @@ _ = axes[0].legend()
 # %% [markdown]
 # ## Ambiguity
 #
-# Velocities are known modulo twice the largest one. A target that recedes faster seems to approach, and a warning says
-# so:
+# Velocities are known modulo twice the largest one. A target that recedes faster seems to approach, with a warning:
 
 # %%
 for speed in (0.5 * MAX_VELOCITY, 1.25 * MAX_VELOCITY):
@@ -90,8 +88,8 @@ for speed in (0.5 * MAX_VELOCITY, 1.25 * MAX_VELOCITY):
 # %% [markdown]
 # ## Angles
 #
-# Three transmitters that take turns (TDM) and four receivers are a row of twelve channels half a wavelength apart, with
-# a beam of about 8.5 degrees. Capon's method is one of four that [angles](../angles.md) compares.
+# Three transmitters that take turns (TDM) and four receivers form a row of twelve channels with half-wavelength spacing
+# and a beam of about 8.5 degrees. Capon's method is one of four that [angles](../angles.md) compares.
 
 # %%
 half = 0.5 * waveform.wavelength
@@ -135,8 +133,7 @@ for name, unit in (("range", "mm"), ("velocity", "mm/s")):
     measured, least = 1e3 * np.sqrt(np.mean(errors**2)), 1e3 * getattr(bound, name)
     print(f"{name}: errors of {measured:.2f} {unit} (rms), bound {least:.2f} {unit}")
 
-# %% [markdown]
-# Vary the wishes above. Twice the bandwidth halves the error of the range, twice the duration that of the velocity; ten
-# times the SNR makes both smaller by the root of ten.
+# %% [markdown] Vary the requirements above. Twice the bandwidth halves the range error, and twice the duration halves
+# the velocity error; ten times the SNR reduces both by the root of ten.
 #
 # Next: [a board and its simulation](board_and_simulation.py).
