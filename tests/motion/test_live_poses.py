@@ -157,7 +157,7 @@ def test_long_after_the_newest_update_there_is_one_warning() -> None:
     live.update(1.0, START, VELOCITY)
     still.update(1.0, START, np.zeros(3))
     assert still.at(100.0) == START
-    with pytest.warns(UserWarning, match="asked for 2 s after its newest update, at 1 s: it goes on"):
+    with pytest.warns(UserWarning, match="asked for 2 s after its newest update, at 1 s: it continues"):
         live.at(3.0)
     live.at(4.0)
 

@@ -118,8 +118,8 @@ def frame_from_depth(
     Warns
     -----
     UserWarning
-        When the image has whole millimetres or other decimal steps so coarse that phases, or velocities from
-        differences, are lost; when its distances are far beyond the radar's, as those in millimetres are.
+        When whole millimetres or other decimal steps of the image destroy phases, or velocities from differences; when
+        its distances are far beyond the radar's range, for example in millimetres.
 
     See Also
     --------
@@ -183,7 +183,7 @@ def frame_from_depth(
         range_rate=np.where(silhouette, 0.0, range_rate),
     ).thinned(None if max_points is None else check.count("max_points", max_points))
 
-    # Ideal samples, then those of the receiver.
+    # Ideal samples, then received samples.
     sequences = radar.sequences()
     ideals = [_simulate(image, motion, part, settings, start, at) for part in sequences]
     for ideal in ideals:

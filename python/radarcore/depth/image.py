@@ -120,7 +120,7 @@ def normals_of(
 
 
 def _middle_ones(length: int, step: int) -> slice:
-    """Slice of every `step`-th of `length` indices, as many left out at both ends."""
+    """Slice of every `step`-th of `length` indices, centred: both ends skip the same number."""
     count = max(1, length // step)
     first = (length - ((count - 1) * step + 1)) // 2
     return slice(first, first + (count - 1) * step + 1, step)

@@ -43,7 +43,7 @@ class ImageMotion:
         return cls(rates, None if interval is None else check.positive("interval", interval, "s"))
 
     def placement(self, elapsed: NDArray[np.float64]) -> _core.Placement:
-        """Poses at times after that of the image [s]; the sensor's axes are the world's."""
+        """Poses at times after the image [s]; the sensor's axes are the world's."""
         poses = _rigid_motions(self.twists, elapsed)
         sensor = np.broadcast_to(np.eye(3, 4), (len(elapsed), 3, 4)).copy()
         return _core.Placement(sensor, poses, np.zeros((len(elapsed), 0, 3)))

@@ -48,7 +48,7 @@ def normals(distance: Values, camera: Camera, noise: Values) -> Values:
 
     `distance` along the ray, (rows, columns) [m], infinite where nothing returns; `noise`: its relative uncertainty.
     With q = 1/(planar depth) a plane n.x = d has q = (n_x + n_y u + n_z v)/d, affine in the image, so differences of q
-    give its normal exactly, however far apart pixels are.
+    give its normal exactly for any pixel spacing.
     """
     rows, columns = distance.shape
     u, v = camera.plane(rows, columns)
@@ -67,8 +67,8 @@ def range_rate(distance: Values, previous: Values, noise: Values) -> Values:
 
     Stetco et al., ICRA 2020, eq. (13), without its silhouettes: where an object has come between or gone away the
     difference is the gap between two objects. Such pixels form strips along edges: joined to one neighbour in the new
-    image and to the other in the old one, with a jump of the difference at both. What is missed is near the contact of
-    an object with what it moves on, where gaps are hardly larger than motions.
+    image and to the other in the old one, with a jump of the difference at both. It misses pixels near the contact of
+    an object with its ground, where gaps are about as large as motions.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -141,7 +141,7 @@ def _gradient(q: Values, noise: Values) -> Values:
     ahead, behind = np.hstack([step, edge]), np.hstack([edge, step])
     bend = np.abs(ahead - behind)
 
-    # Away from a crease the side that goes on straight is right (essentially non-oscillatory differences).
+    # Away from a crease the straight side is right (essentially non-oscillatory differences).
     bend_ahead = np.nan_to_num(np.hstack([bend[:, 1:], edge]), nan=np.inf)
     bend_behind = np.nan_to_num(np.hstack([edge, bend[:, :-1]]), nan=np.inf)
     straighter = np.where(bend_ahead < bend_behind, ahead, behind)

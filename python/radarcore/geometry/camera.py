@@ -11,7 +11,7 @@ from radarcore import check, notice
 from radarcore.records import sealed
 
 _LIKE_RADIANS = (0.25, 2.0)
-"""Angles of a field of view that are hardly meant in degrees: 15 to 115 degrees are such numbers of radians."""
+"""Fields of view that are implausible in degrees: 15 to 115 degrees have such values in radians."""
 
 
 @sealed
@@ -84,7 +84,7 @@ class Camera:
 
 
 def checked_field_of_view(field_of_view_deg: tuple[float, float]) -> tuple[float, float]:
-    """Horizontal and vertical angle, with a warning of those that are hardly degrees."""
+    """Horizontal and vertical angle, with a warning of values in radians."""
     angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
     if (angles <= 0.0).any() or (angles >= 180.0).any():
         raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")

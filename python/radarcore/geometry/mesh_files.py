@@ -195,7 +195,7 @@ def _beginning(path: Path) -> str:
     return f"the file begins with the bytes {head[:8].hex(' ')}"
 
 
-# Axes of a file (columns: its x, y and z) in those with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and
+# Axes of a file (columns: its x, y and z) in a frame with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and
 # towards the viewer are -y, x, z (X_UP), x, y, z (Y_UP) and x, z, -y (Z_UP).
 _TO_Z_UP = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -214,7 +214,7 @@ def _load_collada(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises
     ------
     ImportError
-        Without pycollada; what else it raises is about the content of the file.
+        Without pycollada; other exceptions concern the content of the file.
     """
     try:
         from collada import Collada, common, polylist, triangleset

@@ -145,7 +145,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     See Also
     --------
     load_mesh : Mesh of a file.
-    Mesh : What it examines.
+    Mesh : The examined class.
 
     Examples
     --------

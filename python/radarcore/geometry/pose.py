@@ -152,7 +152,7 @@ class Pose:
         >>> rc.Pose.from_matrix(matrix).position
         array([1. , 2. , 0.5])
         """
-        given = np.asarray(matrix, dtype=object)  # as objects: what are no numbers is for `check` to name
+        given = np.asarray(matrix, dtype=object)  # as objects: `check` names values that are not numbers
         rows = check.array("matrix", matrix, (3 if given.shape == (3, 4) else 4, 4))
         if len(rows) == 4 and not np.array_equal(rows[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError(f"matrix: expected a last row of 0, 0, 0, 1, got {', '.join(f'{x:g}' for x in rows[3])}")

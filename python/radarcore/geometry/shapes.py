@@ -4,9 +4,9 @@ Every shape is centred at the origin and ready to be put in front of a radar tha
 and openings look towards -x, axes of revolution lie along z. A corner reflector has its fold line or apex at
 the origin: that is the point its range refers to. Sizes are in metres.
 
-Curved shapes have their vertices exactly on the surface and as many facets as it takes to keep every facet
-within `sagitta` of it. With smooth shading (the default of `Mesh`) what is left of that distance is corrected
-to second order at every hit; `segments` or `subdivisions` set the number of facets by hand.
+Curved shapes have their vertices exactly on the surface and enough facets to keep every facet within `sagitta` of it.
+With smooth shading (the default of `Mesh`) what is left of that distance is corrected to second order at every hit;
+`segments` or `subdivisions` set the number of facets by hand.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ def capsule(radius: float, length: float, *, segments: int | None = None, sagitt
     if segments % 4:
         raise ValueError(f"segments: expected a multiple of 4, got {segments}")
 
-    # Two half-spheres, the lower one mirrored and wound the other way round.
+    # Two half-spheres; the lower one is mirrored with opposite winding.
     upper, triangles = _half_sphere(radius, segments // 4)
     lower, lower_triangles = upper * [1.0, 1.0, -1.0], triangles[:, ::-1]
     equator = np.arange(len(upper) - segments, len(upper))
@@ -302,8 +302,8 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
     Returns
     -------
     Mesh
-        Normals towards the inside. Cross-section ``8 pi (width height / wavelength)^2`` on boresight, with
-        two bounces; its range is that of the origin.
+        Normals towards the inside. Cross-section ``8 pi (width height / wavelength)^2`` on boresight, with two bounces,
+        at the range of the origin.
 
     Notes
     -----
@@ -345,7 +345,7 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     Mesh
         Apex at the origin, boresight -x, one edge in the x-z plane pointing up; normals towards the inside.
         Cross-section on boresight, with three bounces: ``4 pi leg^4 / (3 wavelength^2)`` (triangular) or
-        ``12 pi leg^4 / wavelength^2`` (square); its range is that of the apex.
+        ``12 pi leg^4 / wavelength^2`` (square); at the range of the apex.
 
     Notes
     -----

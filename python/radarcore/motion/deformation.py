@@ -74,7 +74,7 @@ class Deformation:
         return positions + elapsed * self._spline(inside, 1) if elapsed else positions
 
     def rate_at(self, time: float) -> Vertices:
-        """Velocities of the vertices at a time [s], (n, 3) [m/s]; those of the spline at its very ends."""
+        """Velocities of the vertices at a time [s], (n, 3) [m/s]; at the very ends the velocities of the spline."""
         inside, _ = self._ends.split(time)
         velocities: Vertices = self._spline(inside, 1) if self._ends.moves(time) else np.zeros_like(self.vertices[0])
         return velocities

@@ -244,7 +244,7 @@ class Attached(Composed):
     Parameters
     ----------
     parent : motion
-        Any motion, such as that of a body or of a robot's link.
+        Any motion, such as of a body or of a robot's link.
     motion : motion
         Relative to the parent, in its coordinates; default: at its origin, with its axes.
 

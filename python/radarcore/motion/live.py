@@ -45,9 +45,9 @@ _SAME_TIME = 1e-9
 class LiveGroup(Links):
     """Several bodies whose poses a running program gives, all by one call, step by step.
 
-    After the newest update every body goes on at its velocity and angular velocity, which are also those of a frame
-    that starts then. Between updates it moves along a cubic with the poses and rates of both: a frame that starts
-    before the newest update follows those that came in it. The last 256 updates are kept.
+    After the newest update every body continues at its velocity and angular velocity; a frame that starts then uses
+    them. Between updates it follows a cubic through the poses and rates of both: a frame that starts before the newest
+    update uses the later updates. The last 256 updates are stored.
 
     Parameters
     ----------
@@ -149,9 +149,9 @@ class LiveGroup(Links):
 class Live(LinkMotion):
     """A motion whose pose a running program gives, step by step; `LiveGroup` has many in one call.
 
-    After the newest update the body goes on at its velocity and angular velocity. Between updates it moves along a
-    cubic with the poses and rates of both. The last 256 updates are kept. `Simulator.frame` without a time starts at
-    the newest update.
+    After the newest update the body continues at its velocity and angular velocity. Between updates it follows a cubic
+    through the poses and rates of both. The last 256 updates are stored. `Simulator.frame` without a time starts at the
+    newest update.
 
     See Also
     --------
@@ -220,7 +220,7 @@ class Live(LinkMotion):
 
 
 class History:
-    """The updates that are kept, replaced as a whole: whoever reads them meanwhile has those of one moment."""
+    """The stored updates, replaced as a whole: a concurrent reader sees the updates of one moment."""
 
     def __init__(self) -> None:
         self.updates: tuple[Update, ...] = ()
@@ -234,8 +234,8 @@ class History:
             earlier = earlier[:-1]
         if earlier and update.time < earlier[-1].time:
             raise ValueError(
-                f"time: expected {earlier[-1].time:.9g} s, that of the newest update, or later, got {update.time:.9g} "
-                "s; clear() forgets the updates of a run before"
+                f"time: expected {earlier[-1].time:.9g} s, the time of the newest update, or later, got "
+                f"{update.time:.9g} s; clear() forgets the updates of a run before"
             )
         newest = with_finite_differences(earlier[-1], update) if earlier else (update,)
         self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
@@ -258,7 +258,7 @@ class History:
             self._has_warned = True
             notice.warn(
                 f"a Live motion is asked for {elapsed:.3g} s after its newest update, at {updates[-1].time:.9g} s: it "
-                "goes on at the velocity that it had there"
+                "continues at its velocity there"
             )
         return updates, wanted
 
@@ -313,7 +313,7 @@ class Update:
     interval : float
         Time since the update before [s]; 0 of the first.
     rates_before : Rates, optional
-        Rates of the past: where they were not given, those of a parabola through the neighbours.
+        Rates of the past: where none were given, from a parabola through the neighbours.
     """
 
     time: float
@@ -348,7 +348,7 @@ def with_finite_differences(before: Update, update: Update) -> tuple[Update, Upd
     differences = (update.maps[..., 3] - before.maps[..., 3]) / interval, turned / interval
     check.below("poses", differences[0], SPEED_OF_LIGHT, "m/s from the update before")
     check.below("poses", differences[1], FASTEST_TURN, "rad/s from the update before")
-    # The slope in the middle of two differences is that of the parabola; a first update has one neighbour.
+    # The slope in the middle of two differences is the slope of the parabola; a first update has one neighbour.
     share = before.interval / (before.interval + interval) if before.interval > 0.0 else 1.0
     middle = [
         np.where(rows[:, None], (1.0 - share) * rate + share * difference, rate)
@@ -364,7 +364,7 @@ def with_finite_differences(before: Update, update: Update) -> tuple[Update, Upd
 class Between:
     """Cubic motions between updates and the next ones, with the poses and rates of both.
 
-    Rotations are turns from those of the first update, whose rotation vectors are cubics.
+    Rotations are relative to the first update, with cubics as rotation vectors.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Ends:
     """Rule of a series for times beyond its ends.
 
     ``"hold"``: it rests at the end, ``"continue"``: it keeps the velocity of the end, ``"error"``: a ValueError.
-    Without a choice vertices and joints rest; a body goes on, which is warned of once where it moves at the end.
+    By default vertices and joints rest; a body continues, with one warning if it moves at the end.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Ends:
     extrapolate : "hold", "continue", "error" or None
         Choice of the user.
     speeds : (float, float), optional
-        Largest rates at the first and at the last time [m/s or rad/s] of a series that goes on without a choice.
+        Largest rates at the first and at the last time [m/s or rad/s] of a series that continues by default.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Ends:
         self._has_warned = False
 
     def split(self, times: ArrayLike) -> tuple[_Floats, _Floats]:
-        """Times within the series, and time during which the velocity of the end goes on after or before [s]."""
+        """Times within the series, and the time before or after it with the velocity of that end [s]."""
         wanted = check.numbers("times", times)
         inside = np.clip(wanted, self._first, self._last)
         if (wanted != inside).any():
@@ -134,7 +134,7 @@ class Segments:
     times : (n,) array
         Times of the series, increasing [s]; each has a neighbour that is near enough.
     max_gap : float or None
-        Neighbouring times further apart than this [s] bound a gap; None: there is none.
+        Neighbouring times with a larger distance [s] bound a gap; None: no gaps.
     """
 
     def __init__(self, series: str, times: _Floats, max_gap: float | None) -> None:

@@ -31,10 +31,10 @@ class Trajectory:
     poses : sequence of Pose
         One per time.
     extrapolate : "hold", "continue" or "error", optional
-        Before the first and after the last time the body rests there, goes on at the velocity and angular velocity
-        that it has there, or raises a ValueError. Default: it goes on, which is warned of once.
+        Before the first and after the last time the body rests, continues at its velocity and angular velocity there,
+        or a ValueError is raised. Default: it continues, with one warning.
     max_gap : float, optional
-        Neighbouring times further apart than this [s] bound a gap, as where motion capture did not see the body. Every
+        Neighbouring times with a larger distance [s] bound a gap, for example where motion capture lost the body. Every
         segment between gaps has its own splines; a pose with gaps on both sides has no velocity and is left out.
         Default: there are no gaps.
     within_gaps : "error" or "interpolate", optional
@@ -104,7 +104,7 @@ class Trajectory:
         return self._segments.gaps
 
     def known(self, times: ArrayLike) -> NDArray[np.bool_]:
-        """True at times (n,) [s] that are neither within a gap nor before the first or after the last time."""
+        """True at times (n,) [s] within the series and outside of its gaps."""
         return self._segments.known(times)
 
     def at(self, time: float) -> Pose:

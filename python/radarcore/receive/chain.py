@@ -29,7 +29,7 @@ def receive(
     Parameters
     ----------
     ideal : (channel, chirp, sample) complex64 or complex128
-        Beat signal of the core: behind the filters, and with phase noise followed by its parts by delay, see
+        Beat signal of the core: after the filters, with phase noise appended as its parts by delay, see
         `radarcore.receive.filters.responses`.
     radar : Radar
     start : float
@@ -99,7 +99,7 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: RandomS
 
 
 def _leaking(radar: Radar) -> NDArray[np.complex64]:
-    """Field that leaks into the receivers over that of one transmitter, (chirp, 1): several at once add up."""
+    """Field that leaks into the receivers relative to one transmitter, (chirp, 1): several at once add up."""
     schedule, waveform = radar.schedule, radar.waveform
     if schedule is None or not schedule.is_sum:
         return np.ones((waveform.num_chirps, 1), np.complex64)

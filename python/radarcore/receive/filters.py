@@ -1,4 +1,4 @@
-"""Filters of the baseband: what they and the delay of echoes make of amplitudes, and their exact response to chirps."""
+"""Filters of the baseband: their effect on the amplitudes of delayed echoes, and their exact response to chirps."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
     while steps < min(least, _MOST_STEPS):
         steps *= 2
     delay = np.linspace(0.0, longest, steps + 1)
-    # Samples are TX times the conjugate of RX, so that of an amplitude; shares are real.
+    # Samples are TX times the conjugate of RX, hence the conjugate of an amplitude; shares are real.
     gain = filter_gain(receiver, waveform.slope * delay).conj()
     rows = np.concatenate([gain[None], phase_noise_shares(receiver, waveform, delay) * gain])
     return rows, longest * SPEED_OF_LIGHT
@@ -129,7 +129,7 @@ _SETTLED = 1e-4
 """Gain below which frequencies, and what is left after the settling time, are nothing beside the passband."""
 
 _FAR = 50.0
-"""Squared argument of w beyond which five terms of its series are exact to 1e-7."""
+"""Squared argument of w above which five terms of its series are exact to 1e-7."""
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
@@ -166,7 +166,7 @@ class LowPass:
         return residues
 
     def band(self, amplitude: Floats) -> Floats:
-        """Frequencies [Hz] beyond which less than -80 dB of 1 are left of amplitudes; zero if it was less before."""
+        """Frequencies [Hz] above which amplitudes are below -80 dB of 1; zero if they already were."""
         attenuation = np.maximum(amplitude / _SETTLED, 1.0)
         band: Floats = self.cutoff * (attenuation**2 - 1.0) ** (0.5 / self.order)
         return band

@@ -28,7 +28,7 @@ class Chirps:
     Attributes
     ----------
     starts : (sent,) float64
-        Starts of the ramps after that of our frame [s], increasing.
+        Starts of the ramps after the start of our frame [s], increasing.
     phases : (sent,) float64
         Phase of its oscillator at these times [turns].
     start_frequency, slope : float
@@ -77,11 +77,11 @@ def beat_of_chirps(
     """Samples of chirps of another radar that a receiver mixes with its own chirps.
 
     A chirp that arrives with the phase ``phi(t - tau)`` has the beat phase ``psi = phi_own(t) - phi(t - tau)`` in the
-    convention of echoes, the frequency of which sweeps with the difference of the slopes. The response of the low-pass
-    filter to it is exact, for any slopes, while more than -80 dB of the strongest path pass the filter; beyond it is
-    zero: transmitters that are switched on or off there make no click. Our ramps are taken to have begun before their
-    start for as long as the filter settles. Receivers at which the beat frequencies are equal within a thousandth of
-    the cut-off have one response to their mean.
+    convention of echoes. Its frequency sweeps with the difference of the slopes. The response of the low-pass filter to
+    it is exact, for any slopes, while more than -80 dB of the strongest path pass the filter; beyond it is zero:
+    transmitters that are switched on or off there make no click. Our ramps are taken to have begun before their start
+    for as long as the filter settles. Receivers at which the beat frequencies are equal within a thousandth of the
+    cut-off have one response to their mean.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def beat_of_chirps(
     waveform : Waveform
         Of the receivers.
     starts : (chirp,) float64
-        Starts of the receivers' own chirps after that of the frame [s].
+        Starts of the receivers' own chirps after the start of the frame [s].
     low_pass : LowPass
     strongest : float, optional
         Amplitude of the strongest path [sqrt(W)]; default: of these.
@@ -116,7 +116,7 @@ def beat_of_chirps(
             times, path, chirp = waveform.sample_times[sample], beats.path[beat], beats.chirp[beat]
             values, place = beats.filtered(beat, times, low_pass), chirp * waveform.num_samples + sample
             for receiver in group:
-                # What the receiver's own delay adds to the phase of the mean, [turns] and [Hz].
+                # Contribution of the receiver's own delay to the phase of the mean, [turns] and [Hz].
                 more, faster = (arrivals.delay[receiver] - delay), (arrivals.delay_rate[receiver] - rate)
                 amplitude = arrivals.amplitude[receiver].conj()[path, chirp]
                 if len(group) > 1:
@@ -234,7 +234,7 @@ class _Beats:
         held = np.where(self.clicks_off[beat], np.minimum(times, self.off[beat]), times)
         modes = self._modes(beat, held, low_pass)
 
-        # What had to be there before the switch-on, and was not, decays.
+        # The missing signal before the switch-on decays.
         clicks = self.clicks_on[beat] & (times - self.on[beat] < low_pass.settling_time)
         if clicks.any():
             some = beat[clicks]

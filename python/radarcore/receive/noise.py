@@ -26,7 +26,7 @@ _ALIASES = 64
 def thermal_noise(receiver: Receiver, waveform: Waveform, num_channels: int, draws: RandomStreams) -> NDArray[Any]:
     """Noise (channel, chirp, sample) [sqrt(W)]: float32 or, of an I/Q receiver, complex64.
 
-    White noise of ``k T F`` per Hz that passes the low-pass; what that leaves above the sampled band is folded into it.
+    White noise of k T F per Hz through the low-pass; the residual above the sampled band aliases into it.
     """
     shape = num_channels, waveform.num_chirps, waveform.num_samples
     deviation = np.float32(_deviation(receiver, waveform.sample_rate))

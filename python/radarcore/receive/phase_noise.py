@@ -1,7 +1,7 @@
 """Phase noise of the oscillator: the phase now minus the phase one delay earlier (range correlation).
 
-With a phase ``phi(t)`` of the oscillator an echo of delay tau is turned by ``phi(t) - phi(t - tau)``, whose power
-spectral density is ``4 sin^2(pi f tau)`` times that of phi (Budge, Burt, Range correlation effects in radars, 1993).
+With a phase ``phi(t)`` of the oscillator an echo of delay tau is rotated by phi(t) - phi(t - tau). Its power spectral
+density is that spectrum of phi times 4 sin^2(pi f tau) (Budge, Burt, Range correlation effects in radars, 1993).
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def phase_differences(
 ) -> NDArray[np.float32]:
     """Phase now minus the phase `delays` earlier [rad], (delay, chirp, sample), all of one oscillator.
 
-    Offsets from those of `_LONGEST` frames to half the sample rate. Those that turn by more than a quarter of
-    a turn in the samples of a chirp are drawn anew for every chirp; slower ones are tones that run through the frame.
+    Offsets from the inverse of `_LONGEST` frames to half the sample rate. Offsets above a quarter turn within the
+    samples of a chirp are drawn again for every chirp; slower ones are tones that run through the frame.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def _slow_offsets(
 ) -> tuple[NDArray[np.complex64], NDArray[np.complex64], NDArray[np.float32]]:
     """Complex deviations (delay, tone) of the slow tones, and their phasors at chirps and at samples in them.
 
-    The phase of a tone at a sample is the sum of those of its chirp and of its place in that, so the real part of the
-    product of both phasors is wanted: those of samples are (2 tone, sample), cosine and negative sine in turn.
+    The phase of a tone at a sample is the sum of a phase per chirp and a phase per sample. So the result is the real
+    part of the product of both phasors; sample phasors are (2 tone, sample), cosine and negative sine in turn.
     """
     _, width = _bands(starts, sample_times)
     highest = 0.5 * width
@@ -114,7 +114,7 @@ def _bands(starts: tuple[float, ...], sample_times: tuple[float, ...]) -> tuple[
     length = even_length(2 * len(sample_times))
     if len(sample_times) > 1:
         step = sample_times[1] - sample_times[0]
-    else:  # one sample per chirp: their rate is that of the chirps
+    else:  # one sample per chirp, at the chirp rate
         step = (starts[-1] - starts[0]) / (len(starts) - 1) if len(starts) > 1 else 1e-6
     return length, 1.0 / (length * step)
 

@@ -45,7 +45,7 @@ class Body:
     PointTarget : A point of a given cross-section.
     Scene : Takes bodies and points.
     shapes.box : One of the shapes of a mesh.
-    materials : What it may be made of.
+    materials : Its possible materials.
 
     Examples
     --------

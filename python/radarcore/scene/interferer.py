@@ -17,7 +17,7 @@ START_PHASES = ("chirp", "frame")
 """Time for which the phase of an interferer's oscillator is known."""
 
 _LARGEST_DRIFT = 1e4
-"""Largest drift of a clock [ppm]: that of no crystal, but of an oscillator without one."""
+"""Largest drift of a clock [ppm]: an oscillator without a crystal."""
 
 
 @sealed
@@ -56,7 +56,7 @@ class Interferer:
     See Also
     --------
     Scene : Takes it beside bodies.
-    Radar : What it is.
+    Radar : Its description.
 
     Examples
     --------
@@ -124,7 +124,7 @@ class Interferer:
 
 
 def sent_after(interferer: Interferer) -> NDArray[np.float64]:
-    """Time from the start of a chirp to that of every transmitter [s of its clock], (tx,)."""
+    """Time from the start of a chirp to the start of every transmitter [s of its clock], (tx,)."""
     radar = interferer.radar
     offsets, num_tx, num_rx = radar.channel_offsets, len(radar.tx), len(radar.rx)
     # A radar whose transmitters send at once may have channels of its receivers alone.
@@ -141,7 +141,7 @@ def chirps_between(
     starts : (sent,) float64
         After `origin`, increasing [s].
     frame, chirp : (sent,) int64
-        Numbers of its frames, 0 that of `start`, and of chirps within the frame.
+        Numbers of its frames, counted from `start`, and of chirps within the frame.
     """
     interval = 1.0 / (interferer.rate * interferer.clock)
     # A remainder is exact, a product of the number of frames since 1970 and the interval is not.

@@ -116,7 +116,7 @@ _SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 @sealed
 @dataclass(unsafe_hash=True)
 class Material:
-    """Reflection of a wave by a surface: constant in angle and frequency, or that of a `dielectric`.
+    """Reflection of a wave by a surface: constant in angle and frequency, or a dielectric.
 
     Parameters
     ----------
@@ -128,7 +128,8 @@ class Material:
     Attributes
     ----------
     reflection, albedo
-        As given; those of a dielectric at normal incidence and 60 GHz, `response` has the others.
+        As given; for a dielectric the values at normal incidence and 60 GHz. `response` has other angles and
+        frequencies.
     permittivity, roughness, thickness, scattering
         Parameters of `dielectric`; without permittivity the material is constant.
     name, source : str or None
@@ -304,7 +305,7 @@ class Material:
 
         See Also
         --------
-        rcs : What a body returns.
+        rcs : Cross-section of a body.
 
         Examples
         --------

@@ -106,13 +106,13 @@ class Scene:
     interferer_names : tuple of str
         Likewise; unnamed ones are called "interferer 0".
     parts : Parts
-        Bodies with meshes and points apart, as arrays.
+        Bodies with meshes, and points, as separate arrays.
 
     See Also
     --------
     Body : A mesh with a material and a motion.
     PointTarget : A point of a given cross-section.
-    Simulator : What a radar receives of it.
+    Simulator : Received samples of it.
     load_scene : Scene of a file.
 
     Examples
@@ -186,7 +186,7 @@ class Scene:
 
 
 def _check_names(names: tuple[str, ...]) -> None:
-    """Refuse a name that two bodies have: truth and pictures would not tell them apart."""
+    """Raise an error if two bodies share a name: truth and pictures could not distinguish them."""
     if len(set(names)) == len(names):
         return
     first: dict[str, int] = {}
