@@ -40,7 +40,7 @@ REFUSED: list[tuple[Callable[..., object], tuple[Any, ...], type[Exception], str
     (check.choice, ("oss", ("ca", "os")), ValueError, r"x: expected .*, got 'oss'; did you mean 'os'\?"),
     (check.numbers, ([[1.0], [1.0, 2.0]], (2, None)), TypeError, r"x: expected numbers of shape \(2, n\), got list"),
     (check.array, ([0.0, np.nan], (None,)), ValueError, r"x: expected finite numbers, got nan at index \(1,\)"),
-    (check.increasing, ([0.0, 1.0, 1.0 + 2e-16],), ValueError, "x: expected times at least 1e-12 s apart"),
+    (check.increasing, ([0.0, 1.0, 1.0 + 2e-16],), ValueError, "x: expected times at least 1e-12 s from each other"),
     (check.below, (np.array([0.0, -4e8]), 3e8, "m/s"), ValueError, r"x: expected less than 3e\+08 m/s, got -4e\+08"),
     (check.keywords, (["gard"], ["guard"]), TypeError, "x: unknown keyword 'gard'; did you mean 'guard'"),
 ]

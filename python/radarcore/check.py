@@ -224,7 +224,7 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
 
 
 def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angles [rad], with a warning of those that are hardly meant: whole or half numbers beyond a full turn.
+    """The angles [rad], with a warning of implausible ones: whole or half numbers beyond a full turn.
 
     Such numbers are degrees nearly always; angles of something that keeps turning are not whole.
     """
@@ -268,7 +268,7 @@ def degrees(name: str, angles: ArrayLike) -> ArrayLike:
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Times of a series in increasing order, at least two, read-only.
 
-    Splines through them need numbers whose squares and cubes, and the inverses of those of intervals, are numbers too.
+    Splines through them need finite squares and cubes, and finite inverses of squared and cubed intervals.
     """
     times = array(name, value, (None,))
     if len(times) < 2:
@@ -278,7 +278,7 @@ def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     if (shortest := np.diff(times).min()) < _SHORTEST_INTERVAL:
         k = int(np.diff(times).argmin()) + 1
         raise ValueError(
-            f"{name}: expected times at least {_SHORTEST_INTERVAL:g} s apart, got {shortest:g} s at index {k}"
+            f"{name}: expected times at least {_SHORTEST_INTERVAL:g} s from each other, got {shortest:g} s at index {k}"
         )
     return times
 

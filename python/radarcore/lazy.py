@@ -11,7 +11,7 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
     """`__getattr__`, `__dir__` and `__all__` of a package.
 
     Its names are those of ``__init__.pyi`` beside it, one line ``from module import name as name`` each: read word by
-    word, as a parser of Python would take longer to load than all the rest.
+    word, because Python's parser takes longer to load than everything else.
     """
     face = sys.modules[package]
     with open(f"{face.__file__}i", encoding="utf-8") as stub:  # noqa: PTH123  # pathlib loads as long as this file
@@ -20,7 +20,7 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 
     def load(name: str) -> object:
         if name not in origins:
-            # With both given, the interpreter suggests near names of those that `dir` lists.
+            # With both given, the interpreter suggests similar names from `dir`.
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=face)
         module = origins[name]
         # A name that another package does not have yet is a file in it; so are all names of its own.

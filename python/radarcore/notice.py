@@ -21,7 +21,7 @@ _OURS = {"radarcore", "dataclasses", "functools"}
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
-    """Warn at the innermost line outside of radarcore: the one that called it."""
+    """Warn at the innermost line outside of radarcore: the caller's line."""
     from inspect import currentframe  # takes longer to load than the rest
 
     frame, level = currentframe(), 1

@@ -92,7 +92,7 @@ def is_empty(path: Path) -> bool:
 def replaces(folder: Path, is_own: Callable[[Path], bool], what: str, overwrite: bool) -> bool:
     """True when a result is to be replaced in a folder; a FileExistsError where none can be written.
 
-    `is_own` is true for a folder with such a result, `what` in words.
+    `is_own` is true for a folder with such a result, `what` describes it.
     """
     if folder.exists() and not folder.is_dir():
         raise already_exists(folder, "a file, not a directory")

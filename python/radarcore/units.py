@@ -69,7 +69,7 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         Largest number of digits.
     """
     steps = _STEPS.get(unit, ((1.0, unit),))
-    nearly = 1.0 - 0.5 * 10.0**-digits  # what is rounded to 1 is written so
+    nearly = 1.0 - 0.5 * 10.0**-digits  # values rounded to 1 are written as 1
     fitting = (step for step in steps if abs(value) >= nearly * step[0])
     size, name = next(fitting, steps[-1]) if value else (1.0, unit)
     return f"{value / size:.{digits}g} {name}".rstrip()

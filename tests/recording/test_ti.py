@@ -114,9 +114,7 @@ def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -
     assert_target(recording, SCENE)
     same = rc.Recording.load(tmp_path / "adc_data_Raw_0.bin", config=path)
     np.testing.assert_array_equal(same.cube, recording.cube)
-    with pytest.raises(
-        ValueError, match=r"Raw_1\.bin: expected the first file of a capture, got one that goes on from"
-    ):
+    with pytest.raises(ValueError, match=r"Raw_1\.bin: expected the first file of a capture, got a continuation of"):
         rc.Recording.load(tmp_path / "adc_data_Raw_1.bin", config=path)
     reader = rc.Recording.load(path)
     np.testing.assert_array_equal([frame.cube for frame in reader], recording.cube)
@@ -214,7 +212,7 @@ def test_lost_packets_and_counters_are_named(tmp_path: Path) -> None:
 
 def test_unknown_board_is_a_row_with_a_warning(tmp_path: Path) -> None:
     (tmp_path / "a.cfg").write_text(commands(SCENE, platform=""))
-    with pytest.warns(UserWarning, match=r"a\.cfg: the board is not known; its 2 transmitters are taken for a row"):
+    with pytest.warns(UserWarning, match=r"a\.cfg: unknown board; its 2 transmitters are assumed to be a row"):
         radar = rc.load_radar(tmp_path / "a.cfg")
     steps = np.diff(radar.virtual_array[:, 1]) / (0.5 * radar.waveform.wavelength)
     np.testing.assert_allclose(steps, 1.0)

@@ -95,7 +95,7 @@ def test_boards_with_other_endpoints_are_refused_by_name(types, message):
         ((1, 0x40), Format(64, 16, 0xF, 2).encode(), NO_ADC, SensorError, "real samples .*got signal part 2"),
         ((1, 0x40), Format(32, 16, 0xF).encode(), NO_ADC, ProtocolError, "was set to .*64.* and says .*32"),
         ((2, 0x00), FmcwSettings(57_000_000, 58_000_000, 2, 0).encode(), NO_ADC, ProtocolError, "board was set to"),
-        ((1, 0x34), encode_number(0x35, 7), NO_ADC, ProtocolError, "expected the one with more samples to last"),
+        ((1, 0x34), encode_number(0x35, 7), NO_ADC, ProtocolError, "expected more samples to last longer"),
         ((1, 0x34), encode_number(0x37, 7), NO_ADC, ProtocolError, "answer 0x35 .* to 0x34, got none"),
         ((1, 0x36), b"\x37\0", NO_ADC, ProtocolError, "pipe: ComLib message: expected 5 bytes, got 2"),
         ((1, 0x01), bytes(18), NO_ADC, ProtocolError, "^pipe: ComLib frame: expected real samples .* got 0, 0, 0"),

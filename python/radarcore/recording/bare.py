@@ -166,7 +166,7 @@ def is_bare(path: Path, description: Description) -> bool:
 
 
 def opened(path: Path, description: Description) -> Stored:
-    """Frames of a file, a frame interval apart; numbers become samples, `Converted`, when they are asked for."""
+    """Frames of a file at the frame interval; numbers become samples, `Converted`, on access."""
     if description.radar is not None:
         check.instance("radar", description.radar, Radar)
         description.refuse(path, "described by its radar already", "config")

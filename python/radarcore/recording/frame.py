@@ -17,7 +17,7 @@ TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
 CUBE_TYPES = ("float32", "float64", "complex64", "complex128")
 _CUBE_DTYPES = frozenset(map(np.dtype, CUBE_TYPES))
 FULL_SCALE = "full scale"
-"""``source["cube_unit"]`` of a recording whose samples are those of an ADC: from -1, code 0, to 1, the largest."""
+"""``source["cube_unit"]`` of a recording with samples of an ADC: from -1, code 0, to 1, the largest."""
 
 PARTS_OF_FULL_SCALE = "parts of full scale"
 """Unit of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
@@ -28,19 +28,18 @@ COUNTS = "counts"
 _MAX_LOST = np.iinfo(np.int32).max
 
 Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
-"""Dtype of the cube and names of the bodies (None: no truth): what all frames of a recording share."""
+"""Dtype of the cube and names of the bodies (None: no truth): common to all frames of a recording."""
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
     """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
 
-    Of a body with a mesh they are those of its **nearest visible point**: the point of its surface that is nearest to
-    the centre of the array among those that rays hit, neither the body's centre nor its origin. Of a sphere that is
-    about its centre's range less its radius; the strongest echo may come from another point. The velocity is that of
-    the material there. A `PointTarget` is that point itself, visible in the whole field of view. Simulated truth holds
-    for the middle of the frame. `compare` uses the nearest point of a body's mesh, visible or not, and the origin of a
-    bare motion.
+    For a body with a mesh they belong to its **nearest visible point**: the point hit by a ray that is nearest to the
+    centre of the array, not the body's centre or origin. Of a sphere that is about its centre's range less its radius;
+    the strongest echo may come from another point. The velocity is the velocity of the material there. A `PointTarget`
+    is that point itself, visible in the whole field of view. Simulated truth holds for the middle of the frame.
+    `compare` uses the nearest point of a body's mesh, visible or not, and the origin of a bare motion.
 
     Parameters
     ----------
@@ -57,7 +56,7 @@ class Truth:
     --------
     Truth.select : Of some bodies.
     assign_to_truth : Which track belongs to which body.
-    compare : What estimates differ by from the truth.
+    compare : Differences between estimates and truth.
 
     Examples
     --------
@@ -140,7 +139,7 @@ class Frame:
         Truth of this frame: arrays (body,).
     stats : dict
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files, the number of frames lost
-        just before this one, and ``cube_unit``, where samples are neither in sqrt(W) nor codes.
+        just before this one, and ``cube_unit``, for samples that are not in sqrt(W) or codes.
     raw : (channel, chirp, sample) uint16, optional
         Codes of the ADC; the cube is then in full scale, see `radarcore.recording.frame.to_samples`.
 
@@ -149,7 +148,7 @@ class Frame:
     Simulator.frame : A simulated one.
     Recording : Several of one radar.
     range_doppler : Its range-velocity map.
-    detect : What is in it.
+    detect : Its targets.
 
     Examples
     --------
@@ -204,8 +203,8 @@ class Frame:
     def sequences(self) -> tuple[Frame, ...]:
         """Frames of the sub-sequences, one per waveform of the radar; of one waveform the frame itself.
 
-        The chirp times of each waveform count from `time`, the start of them all. Cubes are views; truth and stats are
-        those of the whole frame.
+        The chirp times of each waveform count from `time`, the start of them all. Cubes are views; truth and stats
+        belong to the whole frame.
         """
         radars = self.radar.sequences()
         if len(radars) == 1:
@@ -243,7 +242,7 @@ def frame_of(
 
 
 def bodies_text(truth: Truth | None) -> str:
-    """Of whom the truth is known, behind a comma; nothing for none."""
+    """Bodies with a known truth, after a comma; empty for none."""
     return "" if truth is None or not truth.names else f", truth of {', '.join(truth.names)}"
 
 

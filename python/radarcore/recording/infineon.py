@@ -128,7 +128,7 @@ def opened(path: Path) -> Stored:
     codes = array.read(num_frames, mmap=True)
     cube: Any = Converted(codes, to_samples, array.path)
 
-    # A sensor's folder by another name: what is around it is not known.
+    # A sensor's folder by another name: its surroundings are unknown.
     place = _values(folder.parent / "meta.json") if _FOLDER.fullmatch(folder.name) else {}
     kept = {**place, **sensor, **settings, "folder": folder.name}
     source = {"sensor": description, "cube_unit": FULL_SCALE, "infineon": kept}
@@ -217,7 +217,7 @@ def _check_sensor(meta: dict[str, Any], where: str) -> str:
         raise ValueError(f"{where}: expected an adc_resolution of 12 bits, got {resolution!r}")
     description = str(meta.get("description", ""))
     if description and "TR13C" not in description:
-        message = f"{where}: the sensor is {description!r}; its antennas are taken for those of a BGT60TR13C"
+        message = f"{where}: the sensor is {description!r}; its antennas are assumed to be the antennas of a BGT60TR13C"
         notice.warn(message)
     return description
 
@@ -315,7 +315,7 @@ def _texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str]:
 def _settings(radar: Radar, receivers: object) -> dict[str, Any]:
     """Settings of a radar for config.json; ValueError for one that it cannot describe.
 
-    `receivers` are the numbers its antennas have if their positions are not those of the chip.
+    `receivers` are the numbers of its antennas if their positions differ from the chip.
     """
     wf = radar.waveform
     if radar.more_waveforms or radar.schedule is not None:

@@ -49,7 +49,7 @@ class MatFile:
     Raises
     ------
     ValueError
-        For damaged files, and those of other versions.
+        For damaged files, and for other versions.
     """
 
     def __init__(self, path: Path) -> None:

@@ -142,7 +142,7 @@ def format_of(path: Path) -> str:
         raise ValueError(f"path: expected a directory or an .npz file, got {str(path)!r}")
     if path.suffix != ".npz":
         check_folder_name(path)
-    # Any other name is that of a directory: dates and versions have dots.
+    # Any other name is a directory: dates and versions have dots.
     return "npz" if path.suffix == ".npz" else "directory"
 
 

@@ -145,7 +145,7 @@ class Converted:
     path : Path
         For messages.
     row : tuple of int, optional
-        Shape of a row of samples; default: that of a stored one.
+        Shape of a row of samples; default: the stored shape.
     dtype : dtype
         Of the samples.
     """
@@ -205,7 +205,7 @@ def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 def read_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     """Arrays of an .npz file that have one of some names; ValueError, with the path, for a damaged one.
 
-    No array is made before it is known that the file can hold it.
+    Arrays are made only after a check that the file is large enough.
     """
     with path.open("rb") as file, readable(path, "an .npz file"), zipfile.ZipFile(file) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}

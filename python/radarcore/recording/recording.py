@@ -86,13 +86,13 @@ class Recording(Stored):
     cube : (frame, channel, chirp, sample) complex64, complex128, float32 or float64
         Beat signal, I/Q or real; kept, not copied, as it may be large or on disk.
     time : (frame,) array_like
-        Start of every frame [s], each after that of the frame before.
+        Start of every frame [s], increasing.
     radar : Radar
     truth : Truth, optional
         Arrays (frame, body).
     source : dict
         Origin of the frames: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
-        sqrt(W); ``"full scale"`` for those of an ADC.
+        sqrt(W); "full scale" for samples of an ADC.
     lost : (frame,) array_like, optional
         Number of frames lost just before each; None if nobody counted. Frames have it in
         ``stats["lost_before"]``.
@@ -275,7 +275,7 @@ class Recording(Stored):
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
-        If `source` has no ``cube_unit``, it is that of the first frame: full scale for the codes of an ADC.
+        If `source` has no ``cube_unit``, the first frame gives it: full scale for codes of an ADC.
 
         See Also
         --------
@@ -317,8 +317,7 @@ class Recording(Stored):
         format : "npz" or "infineon", optional
             Default: by the suffix of `path`. ``"infineon"`` is the recording folder of Infineon's tools, for real
             samples in full scale of a BGT60TR13C: codes of the ADC and settings of the chip, with the values of a
-            folder that was loaded. It holds neither the times of frames nor truth nor lost frames; warns if that
-            matters.
+            folder that was loaded. It holds no times of frames, no truth and no lost frames; warns if that matters.
         overwrite : bool
             Replace a recording that is already there.
 
@@ -368,12 +367,12 @@ class Recording(Stored):
         Parameters
         ----------
         path : path
-            A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: the one with
-            ``RadarIfxAvian_00`` in it, or that. Such a folder says nothing of when frames came: their times are
-            multiples of the interval that was asked of the board, which may be off by a per mille. Bare samples,
-            ``.npy``, ``.mat``, ``.npz`` or a raw file of numbers, together with `radar` or `config`: frames
-            ``[frame, channel, chirp, sample]``, or one, an interval apart; integers become float32 counts. A raw
-            capture of TI's DCA1000, ``.bin``, with a `config` of TI, or its ``.setup.json``.
+            A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: ``RadarIfxAvian_00``
+            or its parent. Such a folder has no times of frames: they are multiples of the requested interval, with an
+            error of up to a per mille. Bare samples, ``.npy``, ``.mat``, ``.npz`` or a raw file of numbers, together
+            with `radar` or `config`: frames ``[frame, channel, chirp, sample]``, or one, at the frame interval;
+            integers become float32 counts. A raw capture of TI's DCA1000, ``.bin``, with a `config` of TI, or its
+            ``.setup.json``.
         mmap : bool
             Leave the samples on disk until they are used; the cube of a directory is mapped into memory, read-only.
         radar : Radar, optional
@@ -468,7 +467,7 @@ def usual_interval(recording: Recording) -> float:
 
 
 def frames_when_due(frames: Iterable[Frame], speed: float = 1.0) -> Iterator[Frame]:
-    """Frames when the clock has gone on from the first by as much as their times [s] over `speed`."""
+    """Frames at their times [s] divided by `speed`, by the clock from the first frame."""
     start = first = None
     for frame in frames:
         if start is None or first is None:

@@ -37,7 +37,7 @@ _LEAST_LEAKAGE = 40.0
 _MOST_CLIPPED = 0.01
 
 _COMLIB_NOISE = (0.2, 500.0)
-"""Noise of a receiver that is neither dead nor saturated [codes]; none was published for boards with ComLib."""
+"""Noise of a receiver in working order [codes]; none was published for boards with ComLib."""
 
 _WIDE: dict[str, Any] = {"start_frequency": 58e9, "stop_frequency": 63.5e9}
 _NARROW: dict[str, Any] = {"start_frequency": 60e9, "stop_frequency": 60.5e9}
@@ -129,7 +129,7 @@ def with_rx(radar: Radar, indices: list[int]) -> Radar:
 
 
 def pattern_checks(board: StrataBoard) -> Iterator[Check]:
-    """The chip's own sequence in place of RX1's samples: what has been changed between the chip and here."""
+    """The chip's own sequence in place of RX1's samples: reveals changes between the chip and here."""
     radar = bgt60tr13c(num_samples=64, num_chirps=128, chirp_interval=100e-6, frame_interval=50e-3)
     frames = measure(board, 3, set_to(board, with_rx(radar, [0]), has_test_pattern=True))
     words = np.array([frame.codes.reshape(-1) for frame in frames])
@@ -197,7 +197,7 @@ def noise_checks(board: StrataBoard) -> Iterator[Check]:
 def comlib_noise_checks(board: ComLibBoard) -> Iterator[Check]:
     """Noise of a board with ComLib, at the gain that it has."""
     check = _noise_within("noise", _codes(board, board.present_radar(50e-3)), _COMLIB_NOISE)
-    yield replace(check, expected=f"{check.expected}: receivers neither dead nor saturated")
+    yield replace(check, expected=f"{check.expected}: no dead or saturated receivers")
 
 
 def _noise_within(name: str, codes: NDArray[np.uint16], limits: tuple[float, float], **values: Any) -> Check:

@@ -1,4 +1,4 @@
-"""Sensor: configure a board, and take frames like those of the simulator."""
+"""Sensor: configure a board, and receive frames like simulated ones."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SILENCE = 2.0
 class Sensor:
     """Radar board that measures; made by `open_sensor`.
 
-    Use it as a context manager. Frames are those of the simulator: ``(channel, chirp, sample)`` float32 between -1 and
+    Use it as a context manager. Frames are as in the simulator: ``(channel, chirp, sample)`` float32 between -1 and
     1 of full scale, the codes of the ADC in `Frame.raw`. Their times count from the start of the first one: by the
     board's time stamps where it has some, else by the frame interval it has achieved.
 
@@ -203,7 +203,7 @@ class Sensor:
                 num_given += 1
         except BaseException as error:
             if self._reader is reader:
-                with suppress(SensorError):  # what went wrong first is what is told
+                with suppress(SensorError):  # report the first error
                     self._end(finish=partial(self._board.stop, is_silent=isinstance(error, SensorTimeoutError)))
             raise
         if self._reader is reader:
@@ -352,12 +352,12 @@ class Sensor:
         Returns
         -------
         checks : iterator of Check
-            Name, result (``"PASS"``, ``"FAIL"``, ``"SKIP"``), what was measured and expected; each comes when it is
+            Name, result (``"PASS"``, ``"FAIL"``, ``"SKIP"``), measured and expected values; each is yielded when it is
             done. The board needs `configure` afterwards.
 
         See Also
         --------
-        sensor.Check : What comes back, one by one.
+        sensor.Check : The results, one by one.
 
         Examples
         --------
@@ -398,7 +398,7 @@ class Sensor:
         >>> print(sensor.info.chip, "is free for others")
         BGT60TR13C is free for others
         """
-        with self._closing:  # who closes while another does waits: then the port is free
+        with self._closing:  # a concurrent close waits, so the port is free afterwards
             if not self._is_open:
                 return
             self._is_open = False
@@ -474,8 +474,7 @@ class _Reader:
         self._board = board
         self._board_lock = board_lock
         self._size = size
-        # Lock, queues and thread are those that are not written in Python: in the others Ctrl-C may be lost, or leave
-        # them locked.
+        # Lock, queues and thread are implemented in C: in Python ones Ctrl-C may be lost, or leave them locked.
         self._lock = threading.Lock()
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._over: queue.SimpleQueue[None] = queue.SimpleQueue()
@@ -483,9 +482,9 @@ class _Reader:
         self._failure: Exception | None = None
         self._is_running = False
         self.is_over = False
-        """Set to end the thread; what has not been taken is gone."""
+        """Set to end the thread; pending frames are discarded."""
         self.reason = ""
-        """Told to whoever still waits for frames then; empty for none."""
+        """Message for waiting readers; empty for none."""
 
     def start(self) -> None:
         """Begin to take frames, once somebody can end it."""

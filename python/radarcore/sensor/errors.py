@@ -8,7 +8,7 @@ from typing import Any
 
 
 class SensorError(OSError):
-    """A sensor cannot do what is asked. An `OSError`, as those of files are.
+    """A sensor cannot do what is asked. An OSError, like errors of files.
 
     Attributes
     ----------

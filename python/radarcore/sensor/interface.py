@@ -33,7 +33,7 @@ class BoardInfo:
 
     See Also
     --------
-    sensor.list_sensors : Those of all boards that answer.
+    sensor.list_sensors : Methods of all boards that answer.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Board(Protocol):
         """Frames since the last call, in order; empty when none arrives within `timeout` [s]."""
 
     def stop(self, *, is_silent: bool = False) -> None:
-        """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
+        """End measuring; does nothing where nothing is measured. A silent board gets the command without a wait."""
 
     def damage(self) -> str:
         """Losses and damage since the last frame, in words; empty where there are none."""

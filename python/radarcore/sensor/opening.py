@@ -103,7 +103,7 @@ def open_sensor(
         Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
     capture : path, optional
         New file for every byte to and from the board, at a port with a byte stream. A full disk ends it with a warning;
-        the conversation goes on.
+        the conversation continues.
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
 
@@ -121,7 +121,7 @@ def open_sensor(
 
     See Also
     --------
-    sensor.Sensor : What comes back.
+    sensor.Sensor : The result.
     sensor.list_sensors : Boards that answer.
     sensor.virtual_board : A board without hardware.
     Simulator : Frames of a simulated scene, of the same kind.

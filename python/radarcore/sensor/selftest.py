@@ -86,7 +86,7 @@ def run_checks(board: Board, groups: Collection[str] = GROUPS, *, duration: floa
         try:
             yield from step()
         except SensorError as error:
-            # What does not answer a request will not answer the next.
+            # A board that misses one request will miss the next.
             is_gone = isinstance(error, SensorDisconnectedError | SensorTimeoutError)
             yield Check(name, "FAIL", str(error), "no error")
 
@@ -147,7 +147,7 @@ def _temperature(board: Board) -> Iterator[Check]:
 
 
 def _registers(board: StrataBoard) -> Iterator[Check]:
-    """Two configurations that differ in as many bits as two can, written and read back."""
+    """Two configurations that differ in the most bits, written and read back."""
     radars = (
         (bgt60tr13c(start_frequency=58e9, stop_frequency=63.5e9, num_samples=64, num_chirps=64), {"if_gain_db": 23}),
         (
@@ -217,7 +217,7 @@ def pace_of(indices: Sequence[int], times: Sequence[float]) -> tuple[float, floa
     Returns
     -------
     interval : float
-        From one frame to the next [s]: the median of pairs that are far apart, which some late frames do not move.
+        From one frame to the next [s]: the median over distant pairs, robust to late frames.
     jitter : float
         Deviation from that pace that one frame of twenty has [s].
     """

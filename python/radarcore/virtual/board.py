@@ -41,9 +41,8 @@ def virtual_board(
     threads : int, optional
         Threads for a scene file's simulator; default: all cores.
     receiver : "measured" or "ideal"
-        Receivers behind a simulated scene: those of a BGT60TR13C as measured, with leakage and offsets, or the gains
-        and noise of the data sheet alone. A scene whose radar has a receiver with more than thermal noise keeps its own
-        effects.
+        Receivers behind a simulated scene: a measured BGT60TR13C with leakage and offsets, or only the gains and noise
+        of the data sheet. A scene whose radar has a receiver with more than thermal noise keeps its own effects.
     latency : float
         Time from a request to its answer, at least [s].
     faults : Faults, optional
@@ -51,7 +50,7 @@ def virtual_board(
 
     See Also
     --------
-    sensor.VirtualBoard : What comes back.
+    sensor.VirtualBoard : The result.
     open_sensor : Connects to it as to any board.
     Simulator.frames : The frames without a board in between.
 
@@ -101,7 +100,7 @@ class VirtualBoard(CdcBoard):
     def __init__(self, controller: Controller, simulated: Simulated | None) -> None:
         super().__init__(controller)
         self._simulated = simulated
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     @property
     def num_frames(self) -> int:
@@ -116,8 +115,8 @@ class VirtualBoard(CdcBoard):
     def news(self) -> list[str]:
         """News for whoever runs the board: registers that give no frames, once; every ten seconds of a slow scene."""
         chip, news = self.controller.chip, []
-        if chip.failure is not None and str(chip.failure) not in self._told:
-            self._told.add(str(chip.failure))
+        if chip.failure is not None and str(chip.failure) not in self._reported:
+            self._reported.add(str(chip.failure))
             news.append(f"the client's settings give no frames: {chip.failure}")
         while chip.speed is not None and chip.paces:
             pace = chip.paces.popleft()

@@ -56,10 +56,10 @@ _OF_THE_ADC = ("gain_db", "full_scale", "adc_bits", "output", "noise_figure_db")
 class Simulated:
     """Frames of a simulated scene, as the receivers and the ADC of the chip make codes of them.
 
-    The chain is that of the chip as measured (``bgt60tr13c(receiver="measured")``), with leakage, offsets, filters and
-    noise, at the gain and the high-pass that the registers have. Its phase noise is left out: it costs as much as the
-    echoes themselves, and at the ranges of the chip it is far below the other noise. A simulator's radar with a
-    receiver of its own keeps that: effects that are None there are left out, and phase noise counts.
+    The chain is the measured chip (``bgt60tr13c(receiver="measured")``), with leakage, offsets, filters and noise, at
+    the gain and the high-pass that the registers have. Phase noise is omitted: it would double the time, and at the
+    ranges of the chip it is far below the other noise. A simulator's radar with a receiver of its own keeps that:
+    effects that are None there are left out, and phase noise counts.
 
     Ideal is a chain of the data sheet's figures alone: the echo's power at the receiver's input, with thermal noise,
     goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain behind it and an ADC of 12 bits that spans
@@ -85,13 +85,13 @@ class Simulated:
         own = simulator.radar.receiver
         own = None if own is None or is_plain(own) else own
         self._simulator_of = lru_cache(_MOST_RADARS)(simulator.with_radar)
-        self._received = lru_cache(_MOST_RADARS)(partial(_received, own, receiver == "ideal" and own is None))
+        self._with_receiver = lru_cache(_MOST_RADARS)(partial(_with_receiver, own, receiver == "ideal" and own is None))
         self._worker: Worker[NDArray[np.float64]] = Worker("radarcore-simulate")
         self._ahead: dict[tuple[Radar, int], tuple[float, Future[NDArray[np.float64]]]] = {}
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        radar, has_codes = self._received(radar, if_gain_db)
+        radar, has_codes = self._with_receiver(radar, if_gain_db)
         samples = self._taken(radar, index, time)
         for k in range(1, _NUM_AHEAD + 1):
             self._begin(radar, index + k, time + k * radar.waveform.frame_interval)
@@ -128,7 +128,7 @@ class Simulated:
         return samples
 
 
-def _received(own: Receiver | None, is_ideal: bool, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
+def _with_receiver(own: Receiver | None, is_ideal: bool, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
     """The radar with the chain of its receivers, and True where that gives codes; `own` is the chain of a scene."""
     receiver = radar.receiver or Receiver(output="real")
     places = [] if is_ideal else _places(radar)
@@ -150,7 +150,7 @@ def _nothing(radar: Radar) -> NDArray[np.complex64]:
 
 def _switched(chain: Receiver, own: Receiver) -> Receiver:
     """The chain without the effects that another receiver has switched off, and with its widths of codes."""
-    kept = ("gain_db",) if own.has_codes else _OF_THE_ADC  # the gain is that of the registers
+    kept = ("gain_db",) if own.has_codes else _OF_THE_ADC  # the registers set the gain
     names = [field.name for field in fields(own) if field.name not in kept]
     off: dict[str, Any] = {name: None for name in names if getattr(own, name) is None}
     if own.adc_errors is not None and chain.adc_errors is not None:
@@ -199,7 +199,7 @@ class Worker(Generic[Result]):
         return future.result()
 
     def close(self) -> None:
-        """End after what is under way, and free those who wait for it; may be called twice."""
+        """End after pending work, and release waiting readers; may be called twice."""
         if not self._closed.done():
             self._closed.set_result(None)
         with suppress(Empty):

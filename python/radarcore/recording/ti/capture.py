@@ -6,7 +6,8 @@ TI, SWRA581 "Mmwave Radar Device ADC Raw Data Capture" has their order. Within a
 - four lanes (xWR12xx, 14xx), sample after sample: ``I(r0) I(r1) I(r2) I(r3) Q(r0) Q(r1) Q(r2) Q(r3)``; real ones
   ``r0 r1 r2 r3``.
 
-I and Q change places where the chip was told to. Chirps follow each other in the order of their transmitters' turns.
+I and Q are swapped where the chip's configuration swaps them. Chirps follow each other in the order of their
+transmitters' turns.
 
 The board sends packets of 1456 bytes behind a counter of 10 bytes (DCA1000EVM User's Guide, 5.2, raw mode). TI's
 recorder leaves the counters out and writes zeros for lost packets; other recorders do neither.
@@ -119,14 +120,14 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
 
 
 def parts_of(path: Path) -> tuple[Path, ...]:
-    """Files of the capture that begins in a file: ``NAME_Raw_0.bin`` goes on in ``NAME_Raw_1.bin``, ..."""
+    """Files of the capture that begins in a file: ``NAME_Raw_0.bin`` continues in ``NAME_Raw_1.bin``, ..."""
     match = _PART.fullmatch(path.name)
     if match is None:
         return (path,)
     number = int(match["number"])
     first = path.with_name(f"{match['name']}{number - 1}{match['suffix']}")
     if number > 0 and first.is_file():
-        raise ValueError(f"{path}: expected the first file of a capture, got one that goes on from {first.name}")
+        raise ValueError(f"{path}: expected the first file of a capture, got a continuation of {first.name}")
     files = [path]
     while (following := path.with_name(f"{match['name']}{number + len(files)}{match['suffix']}")).is_file():
         files.append(following)

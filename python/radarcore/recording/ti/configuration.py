@@ -41,7 +41,7 @@ _BOARDS = {
 }
 """TI's evaluation boards, whose antennas are public, by the families of their chips."""
 
-_ROW = "row, half a wavelength apart"
+_ROW = "row with half-wavelength spacing"
 """Antennas of other boards."""
 
 _OTHER_ARRAYS = ("AOP", "ODS")
@@ -119,7 +119,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         raise ValueError(f"{where}: expected bits and format of samples (adcCfg) of 0 to 2, got {got}")
     is_real = settings.output == 0
     _check_lanes(settings, len(receivers), where)
-    numbers, repetitions = _turns(settings.tx_masks, where)
+    numbers, repetitions = _tx_order(settings.tx_masks, where)
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
     ramp_interval = 1e-6 * (profile.idle + profile.ramp_end)
@@ -145,8 +145,8 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         )
     if antennas == _ROW and len(used) > 1:
         notice.warn(
-            f"{where}: the board is not known; its {len(used)} transmitters are taken for a row that makes a line of "
-            f"channels half a wavelength apart, so angles may be wrong"
+            f"{where}: unknown board; its {len(used)} transmitters are assumed to be a row with channels at half "
+            "wavelengths, so angles may be wrong"
         )
     facts = {
         "device": settings.device or "unknown",
@@ -205,7 +205,7 @@ def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
         raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples:g}")
 
 
-def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
+def _tx_order(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
     """Transmitters, from 0, in the order of their turns, and the number of rounds in a loop."""
     numbers = []
     for index, mask in enumerate(masks):
@@ -213,7 +213,7 @@ def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
         if len(on) != 1:
             raise ValueError(
                 f"{where}: expected one transmitter per chirp (TDM), got the mask {mask:#x} of chirp {index} "
-                "(several at once, in binary phases or as a beam, are not told apart)"
+                "(several at once, in binary phases or as a beam, are not separable)"
             )
         numbers.append(on[0])
     num_tx = len(set(numbers))
@@ -229,8 +229,9 @@ def _antennas(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
     """Positions of transmitters and receivers [m], and whose they are.
 
-    On TI's boards receivers lie half a wavelength apart, the first one on the right as the radar looks; TX1 and TX3
-    (TX2 of an xWR16xx) two wavelengths apart in the same direction, and TX2 between them, half a wavelength higher.
+    On TI's boards receivers form a row with half-wavelength spacing, the first on the right as seen from the radar; TX1
+    and TX3 (TX2 of an xWR16xx) have a distance of two wavelengths in the same direction, and TX2 is between them, half
+    a wavelength higher.
     """
     half = 0.5 * wavelength
     rx = np.array([[0.0, half * number, 0.0] for number in receivers])

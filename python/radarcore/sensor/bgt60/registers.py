@@ -158,7 +158,7 @@ def stuck_bits(written: Mapping[int, int], read: Mapping[int, int]) -> dict[int,
 def unusual_resets(read: Mapping[int, int]) -> dict[int, int]:
     """Registers with another value after a reset than is published.
 
-    Left out are those of states, `CHIP_ID`, and SFCTL, without which they could not be read.
+    State registers, CHIP_ID, and SFCTL, which is needed for reading, are excluded.
     """
     usual = {address: value for address, value in RESET_VALUES.items() if address not in (*_STATES, CHIP_ID, SFCTL)}
     return {

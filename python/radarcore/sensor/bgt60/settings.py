@@ -1,8 +1,7 @@
 """The chip BGT60TR13C: its settings and the registers that hold them, as far as one rising or falling ramp needs.
 
-Names of registers and fields are those of the data sheet. All rounding is that of the vendor's host, so that the
-registers of the same settings are the same (Strata, from parameters to registers). The clock has 80 MHz; times in
-registers count its cycles.
+Names of registers and fields follow the data sheet. Rounding equals the vendor's host, so equal settings give equal
+registers (Strata, from parameters to registers). The clock has 80 MHz; times in registers count its cycles.
 """
 
 from __future__ import annotations
@@ -213,8 +212,8 @@ class Settings:
     def to_radar(self) -> Radar:
         """The radar that the chip is with these settings, antennas and receiver as in ``bgt60tr13c()``.
 
-        For `achieved` settings it is exact: the slope is that of the ramp's steps, the rate ``80 MHz / divider``
-        (`sample_rate` is that in whole Hz).
+        For `achieved` settings it is exact: the slope follows the ramp's steps, the rate is 80 MHz / divider
+        (`sample_rate` is in whole Hz).
 
         Raises
         ------
@@ -366,9 +365,9 @@ def slice_size_of(registers: Mapping[int, int]) -> int:
 def choose_slice_size(settings: Settings) -> int:
     """Samples to read at once, so that frames and slices stay in step.
 
-    One slice is one frame. Larger frames than `MAX_SLICE_SIZE` are cut into as few equal slices as possible. Above
-    200 frames per second a slice holds as many frames as bring that down to 200 slices per second, if they fit. As
-    slices hold pairs of samples, frames with an odd number of them are read by the two.
+    One slice is one frame. Larger frames than `MAX_SLICE_SIZE` are cut into as few equal slices as possible. Above 200
+    frames per second a slice holds several frames, down to 200 slices per second, if they fit. As slices hold pairs of
+    samples, frames with an odd number of them are read by the two.
 
     Raises
     ------
@@ -407,7 +406,7 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
             f"{settings.num_samples}; the nearest is {most}, or a sample_rate of at least {text_of(slowest, 'Hz')}",
         )
 
-    # Frequencies, in kHz. What the steps made of a legal end is legal again.
+    # Frequencies, in kHz. A legal end stays legal after rounding to steps.
     start, end = (math.floor(f / 1e3 + 0.5) for f in (settings.start_frequency, settings.end_frequency))
     for name, khz, hertz in (
         ("start_frequency", start, settings.start_frequency),

@@ -11,7 +11,7 @@ from radarcore.radar.bgt60_chip import CLOCK
 
 
 class LimitError(ValueError):
-    """Error for a value beyond the chip's limits; `argument` and `text` apart, as radars have other names for some."""
+    """Error for a value beyond the chip's limits; argument and text are separate, as radars rename some arguments."""
 
     def __init__(self, argument: str, text: str) -> None:
         super().__init__(argument, text)
@@ -114,7 +114,7 @@ def delay_of(rest: float) -> Delay:
         # Taken from the remaining time, as the host does.
         if rest >= _WAKE_TIME:
             mode, rest = 2, rest - _WAKE_TIME
-    # The host counts in steps of 100 ps, 125 of which are one cycle; half ones are rounded up.
+    # The host counts in steps of 100 ps; 125 steps are one cycle; halves are rounded up.
     steps = int(rest / 1e-10)
     return Delay(mode, *scaled_timer((2 * steps + 125) // 250))
 

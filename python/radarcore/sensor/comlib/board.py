@@ -247,7 +247,7 @@ class ComLibBoard:
     def read(self, timeout: float) -> list[RawFrame]:
         """Frames that have come since the last call, in order.
 
-        Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
+        Waits up to `timeout` [s] for one; a frame that comes later belongs to a later call.
         """
         if not self._is_measuring:
             raise SensorError(f"{self.info.port}: not measuring; call start first")
@@ -258,7 +258,7 @@ class ComLibBoard:
         return ready
 
     def stop(self, *, is_silent: bool = False) -> None:
-        """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
+        """End measuring; does nothing where nothing is measured. A silent board gets the command without a wait."""
         if is_silent:
             self._dismiss()
         else:
@@ -270,7 +270,7 @@ class ComLibBoard:
         return f"{num_held} bytes of a message that is not whole" if num_held else ""
 
     def details(self) -> dict[str, Any]:
-        """Entries of `Recording.source`: none, as all known settings are those of the radar."""
+        """Entries of `Recording.source`: none, as the radar has all known settings."""
         return {}
 
     @property
@@ -371,7 +371,7 @@ class ComLibBoard:
         if rate <= 0.0:
             raise ProtocolError(
                 f"{self._stream.name}: chirps of {other} and {num_samples} samples last {durations[0]} and "
-                f"{durations[1]} ns; expected the one with more samples to last longer"
+                f"{durations[1]} ns; expected more samples to last longer"
             )
         return rate
 
@@ -523,7 +523,7 @@ class ComLibBoard:
         self._stream.write(Message(endpoint, payload).encode(), self._timeout)
 
     def _answer(self, endpoint: int, timeout: float) -> list[Message]:
-        """Messages up to the status of `endpoint`; what has come before a time-out stays for the next call."""
+        """Messages up to the status of `endpoint`; messages received before a time-out stay for the next call."""
         deadline = time.monotonic() + timeout
         while True:
             data = self._stream.read(_READ_SIZE, max(0.0, deadline - time.monotonic()))

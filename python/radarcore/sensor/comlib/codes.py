@@ -95,7 +95,7 @@ class Status(IntEnum):
 
 
 class ProtocolStatus(IntEnum):
-    """Status of endpoint 0: what is wrong with the stream."""
+    """Status of endpoint 0: faults of the stream."""
 
     OK = 0x0000
     SILENCE = 0x0001

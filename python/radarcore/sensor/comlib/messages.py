@@ -2,7 +2,7 @@
 
 The host asks with one payload message to an endpoint of the board; the board answers with any number of payload
 messages and then one status of that endpoint. A payload begins with the code of the message. Numbers are
-little-endian. There is no checksum: who loses step waits for silence.
+little-endian. There is no checksum: a reader out of step waits for silence.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class Endpoint(NamedTuple):
 
     @property
     def letters(self) -> str:
-        """The four letters of the type; what is none is escaped."""
+        """The four letters of the type; other bytes are escaped."""
         letters = self.type.to_bytes(4, "big").decode("ascii", errors="backslashreplace")
         return "".join(letter if letter.isprintable() else rf"\x{ord(letter):02x}" for letter in letters)
 

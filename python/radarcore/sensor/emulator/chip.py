@@ -97,12 +97,12 @@ class Chip:
         self._thread: threading.Thread | None = None
         self.has_overflown: bool = False
         self.complains: bool = False
-        """An overflow has not been told yet; whoever tells it clears this."""
+        """An overflow is not reported yet; the report clears this."""
         self.failure: Exception | None = None
         self.frame_size: int = 0
         """Samples of a frame of the newest measurement, of all receivers."""
         self.num_lost: int = 0
-        """Frames that overflows have cost, in all; those that a host did not wait for are not counted."""
+        """Frames lost by overflows, in all; frames without a waiting host are not counted."""
         self.paces: deque[float] = deque(maxlen=_MOST_PACES)
         """Rates of the source over `PACE_TIME` [s of the sensor per s of the host], until somebody takes them."""
         self._power_mode = _DEEP_SLEEP
@@ -143,7 +143,7 @@ class Chip:
         return answers
 
     def read(self, address: int) -> int:
-        """Value of a register; those that do not exist are zero."""
+        """Value of a register; missing registers are zero."""
         with self._lock:
             if address == STAT0:
                 return self.registers[address] & ~_POWER_MODE | self._power_mode << 5 | _STAT0_READY
@@ -277,7 +277,7 @@ class Chip:
         first_index: int,
         origin: float | None,
     ) -> None:
-        """Frames into the FIFO until `run` is over; the source is that of `previous` until that has ended."""
+        """Frames into the FIFO until `run` is over; the source belongs to `previous` until that has ended."""
         if previous is not None:
             previous.join()
         stamp = self._uptime()
@@ -366,7 +366,7 @@ class Chip:
 def _with_test_pattern(cube: NDArray[np.uint16], ramps: Ramps, index: int) -> NDArray[np.uint16]:
     """Codes whose RX1, if in use, has the test sequence of the chip.
 
-    It goes on with every sample of any receiver, from frame to frame; RX1 shows it.
+    It advances with every sample of any receiver, from frame to frame; RX1 shows it.
     """
     if not ramps.has_first_rx:
         return cube

@@ -45,8 +45,8 @@ class PtyPort:
     """A pty with a board at its other end, from now until `close` or until the board is unplugged.
 
     Clients may come and go. While there is none, the board is asked for nothing; while one does not read, only until
-    the terminal's own buffer is full, and then its requests wait too. What a client has sent in part and what it has
-    not read ends with it (on Linux; elsewhere nobody knows that it has gone).
+    the terminal's own buffer is full, and then its requests wait too. Partial requests and unread answers of a client
+    are dropped when it leaves (on Linux; elsewhere its end is invisible).
 
     Parameters
     ----------
@@ -181,13 +181,13 @@ class PtyPort:
         self._is_stuck = False
 
     def _hang_up(self) -> None:
-        """End a conversation when its client has gone: what was under way is not for the next one."""
+        """End a conversation when its client has gone: the next client must not see its data."""
         if not self._has_client.is_set():
             return
         with self._writing:
             self._has_client.clear()
             self._peripheral.hang_up()
-            # What it has not read lies at the other end.
+            # Its unread data lies at the other end.
             with suppress(OSError):
                 slave = os.open(self.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
                 try:

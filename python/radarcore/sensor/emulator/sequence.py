@@ -1,9 +1,9 @@
 """Frames of the chip from its registers: any shapes, rising and falling ramps, and a constant wave.
 
-What a host of the board sets is one rising or falling ramp, whose settings are `radarcore.sensor.bgt60.settings`. The
-chip does more: a frame is FRAME_LEN + 1 groups, each of which is one of up to four shapes, in turn, repeated 2^REPS
-times. A shape is a rising ramp and, unless FSD, RSD and RTD are zero, a falling one; the names say nothing about the
-signs of the slopes. Either has its own samples, frequencies and channel set.
+A host of the board sets one rising or falling ramp, see `radarcore.sensor.bgt60.settings`. The
+chip does more: a frame is FRAME_LEN + 1 groups; each group is one of up to four shapes, in turn, repeated 2^REPS times.
+A shape is a rising ramp and, unless FSD, RSD and RTD are zero, a falling one; the names say nothing about the signs of
+the slopes. Either has its own samples, frequencies and channel set.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _POWER_RANGE_DB = 15.0
 _HIGHEST_LEVEL = 31
 _DIVSET = 20  # of a clock of 80 MHz
 _MOST_SAMPLES = 1 << 26
-"""Largest frame [samples]: that of 4096 of the longest chirps is smaller."""
+"""Largest frame [samples]: 4096 of the longest chirps are fewer."""
 
 _LEAST_SIZE = 1024
 """Samples for which a ramp counts that has fewer."""
@@ -98,7 +98,7 @@ class Sequence:
         return int(sizes[self.order].sum())
 
     def stream(self, cubes: list[NDArray[np.uint16]]) -> NDArray[np.uint16]:
-        """Codes as they go into the FIFO, from those of all `ramps` (rx, chirp, sample): receivers in turn."""
+        """Codes in FIFO order, receivers in turn, from codes of all ramps (rx, chirp, sample)."""
         streams = [np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(cube.shape[1], -1) for cube in cubes]
         if len(streams) == 1:
             return streams[0].reshape(-1)
@@ -130,7 +130,7 @@ def sequence_of(registers: Mapping[int, int]) -> Sequence:
 
 
 def constant_wave_of(registers: Mapping[int, int]) -> Sequence:
-    """One frame of samples without a ramp, at the frequency where that of shape 1 begins.
+    """One frame of samples without a ramp, at the start frequency of shape 1.
 
     Raises
     ------
@@ -218,7 +218,7 @@ class _Frames:
         return self.field(reg.PLL1_0 + 8 * shape + 3, *((11, 0), (23, 12))[side])
 
     def check(self) -> None:
-        """Refuse what gives no samples, or none of which anything is known."""
+        """Raise an error for sequences without samples or with unknown ones."""
         if self.divider < MIN_DIVIDER:
             raise self.error(f"ADC_DIV of at least {MIN_DIVIDER}", reg.ADC0)
         if self.field(reg.PACR2, 4, 0) != _DIVSET:

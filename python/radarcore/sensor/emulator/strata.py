@@ -336,7 +336,7 @@ class CdcBoard:
             self._out += self._answers.popleft()[1]
 
     def _fill(self, size: int) -> None:
-        """Data packets behind what is to be sent, one or as many as go into a transfer."""
+        """Data packets after pending answers, one or a full transfer."""
         faults = self.controller.faults
         while len(self._out) < (size if faults.has_any_transfers else 1):
             packet = self.controller.take_packet()

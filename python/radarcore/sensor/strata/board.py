@@ -34,7 +34,7 @@ from radarcore.sensor.strata.stream import DAMAGED, REQUEST_TIMEOUT, RETRIES, Da
 _Decoded = TypeVar("_Decoded")
 
 _SFCTL_AT_PROBE = 0x100000
-"""Normal timing of MISO, two wait cycles: what a register can be read with."""
+"""Normal timing of MISO with two wait cycles, needed to read registers."""
 
 _TEMPERATURE_AGE = 0.1
 """A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
@@ -64,9 +64,9 @@ _MOST_RESTARTS = 10
 class StrataBoard:
     """Host's side of a board with a BGT60TR13C; a `Board`.
 
-    Slices are whole frames, or whole parts of one (`choose_slice_size`). Where packets are missing, the frames
-    they belong to are reported as lost: by time stamps, or else by the counters of packets. A frame of several slices
-    cannot be put together again safely then, nor after an error of the board: measuring is started anew.
+    Slices are whole frames, or whole parts of one (`choose_slice_size`). Where packets are missing, the frames they
+    belong to are reported as lost: by time stamps, or else by the counters of packets. Then, and after an error of the
+    board, a frame of several slices cannot be assembled safely: the measurement restarts.
 
     Raises
     ------
@@ -139,7 +139,7 @@ class StrataBoard:
         )
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
-        """Settings for the next start; `options` are those of `Settings.from_radar`."""
+        """Settings for the next start; options as in `Settings.from_radar`."""
         settings = Settings.from_radar(radar, **options)
         slice_size = choose_slice_size(settings)
         registers_of(settings, slice_size)  # refuses what the chip cannot do
@@ -169,7 +169,7 @@ class StrataBoard:
                 if tries_left == 0:
                     raise
             except RequestError as error:
-                # The request was damaged on its way, or done although an overflow is told.
+                # The request was damaged on its way, or executed in spite of a reported overflow.
                 if tries_left == 0 or error.status not in (*DAMAGED, Status.UNEXPECTED_VALUE):
                     raise
             self._halt(_HALT_TIMEOUT)
@@ -252,7 +252,7 @@ class StrataBoard:
         found = []
         now = time.time()
         for first, frame in enumerate(samples.reshape(number, *shape)):
-            # The time stamp is that of the end of the slice.
+            # The time stamp belongs to the end of the slice.
             left = (number - 1 - first) * settings.frame_time + settings.num_chirps * settings.chirp_time
             stamp = None if item.timestamp is None else 1e-6 * item.timestamp - left
             cube = np.ascontiguousarray(frame.transpose(2, 0, 1))
@@ -316,7 +316,7 @@ class StrataBoard:
         self._stop_data(timeout, retries=retries)
         image = registers_of(self._requested, self._slice_size)
         self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
-        self._is_running = False  # and not before: who is interrupted above stops again
+        self._is_running = False  # and not before: an interrupted caller above stops again
         self._link.discard()
 
     def damage(self) -> str:
@@ -339,7 +339,7 @@ class StrataBoard:
         }
 
     def identity(self) -> dict[str, Any]:
-        """Facts that the board tells about itself; None for those that it does not know.
+        """Facts reported by the board; None for unknown ones.
 
         ``usb_ids`` (vendor and product), ``name``, ``version`` (of firmware and protocol), ``extended_version``,
         ``uuid`` (text) and ``chip_id`` (the register).

@@ -272,7 +272,7 @@ class BoardParser(_Parser[Request]):
 
     def _size(self, begin: int) -> int:
         length = self._u16(begin + 6)
-        # A read has no payload: its length is that of the answer.
+        # A read has no payload: its length is the length of the answer.
         return 0 if length < 0 else 10 if self._buffer[begin] == Kind.READ else 10 + length
 
     def _decode(self, packet: bytes) -> Request:
@@ -364,7 +364,7 @@ class StreamLink:
         self._stream.close()
 
     def _response(self, request: Request, timeout: float, total: float) -> Response:
-        """Response that comes within `timeout` [s]; `total` is that of all tries, which the error names."""
+        """Response that comes within `timeout` [s]; `total` is the time-out of all tries, for the error message."""
         # Answers to requests that were given up.
         while self._num_due > 0 and self._next_response(_LATE) is not None:
             pass

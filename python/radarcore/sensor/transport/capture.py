@@ -35,13 +35,13 @@ class _Event(NamedTuple):
 class Capture:
     """A stream that writes down every byte of another one.
 
-    A write that fails (a full disk) is a warning. The file then ends with its last whole line; the conversation goes
-    on without it.
+    A write that fails (a full disk) is a warning. The file then ends with its last whole line; the conversation
+    continues without it.
 
     Parameters
     ----------
     stream : Stream
-        The one that is used; it is closed together with this one.
+        The wrapped stream; both are closed together.
     path : path
         File that is made, or overwritten. A line is complete on disk before its bytes are returned.
 
@@ -100,8 +100,8 @@ class Capture:
 class Replay:
     """A stream that replays a capture: recorded reads come once the writes before them have been made.
 
-    Times are not kept: what may come comes at once. A write that differs from the recorded one is a `ProtocolError`. At
-    the end of the capture the stream is like a board that is unplugged.
+    Times are not stored: possible answers come at once. A write that differs from the recorded one is a
+    `ProtocolError`. At the end of the capture the stream is like a board that is unplugged.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Replay:
         self.name: str = os.fspath(path)
         self._events = deque(_events(Path(path)))
         self._num_written = 0  # bytes of the next recorded write that have been made
-        self._come: deque[bytes] = deque()  # what was read before that write
+        self._come: deque[bytes] = deque()  # bytes read before that write
         self._closed = False
         self._advance()
 

@@ -66,7 +66,7 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
     usb_backend : backend of pyusb, optional
         Backend that finds USB devices; default: libusb.
     with_serial : bool
-        List serial ports too: those with the ids of boards, and ttyACM and ttyUSB ports without known ids. A CDC
+        List serial ports too: ports with the ids of boards, and ttyACM and ttyUSB ports without known ids. A CDC
         board that the kernel has as a tty is listed once, as that.
 
     Returns
@@ -150,7 +150,7 @@ def _place(path: str) -> str:
     if sys.platform == "win32":
         return path.removeprefix("\\\\.\\").upper()
     path = os.path.realpath(path)
-    # macOS has two files for a port, of which the one that waits for a carrier is not listed.
+    # macOS has two files for a port; the file that waits for a carrier is not listed.
     return f"/dev/cu.{path.removeprefix('/dev/tty.')}" if path.startswith("/dev/tty.") else path
 
 

@@ -51,7 +51,7 @@ class SerialStream:
         with _gone(self.name):
             if self._serial.timeout != timeout:
                 self._serial.timeout = timeout
-            # pyserial waits for as many bytes as are asked: ask for one, then for those that have come with it.
+            # pyserial waits for the requested number of bytes: request one, then the bytes that came with it.
             data: bytes = self._serial.read(1)
             more = min(self._serial.in_waiting, size - 1) if data else 0
             return data + self._serial.read(more) if more else data

@@ -14,7 +14,7 @@ class Stalled(ProtocolError):  # noqa: N818  # the USB term
 class Stream(Protocol):
     """A connection that carries bytes in both directions, cut anywhere.
 
-    One thread uses it at a time. What is unplugged or closed raises `SensorDisconnectedError`.
+    One thread uses it at a time. An unplugged or closed stream raises SensorDisconnectedError.
     """
 
     name: str

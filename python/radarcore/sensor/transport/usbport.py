@@ -78,7 +78,7 @@ def device_path(device: Any) -> str:
 
 
 def usb_strings(device: Any, indices: set[int]) -> dict[int, str]:
-    """String descriptors by their indices, without those that the device refuses; SensorError if all cannot be read.
+    """Readable string descriptors by their indices; SensorError if there are none.
 
     Closes the device, which must not be in use by its object.
     """
@@ -159,7 +159,7 @@ class UsbStream:
 class UsbVendorPort:
     """A vendor-class board: control transfers on endpoint 0, packets on the bulk IN endpoint that its descriptors name.
 
-    Parameters and errors are those of `UsbStream`.
+    Parameters and errors as in `UsbStream`.
     """
 
     def __init__(self, device: Any) -> None:
@@ -231,7 +231,7 @@ class _Claim:
 
     @contextmanager
     def released_on_error(self) -> Iterator[None]:
-        """Steps of opening a device, of which none is left half done."""
+        """Steps of opening a device; none stays half done."""
         try:
             with errors_as_ours(device_path(self._device)):
                 yield
@@ -335,7 +335,7 @@ def _milliseconds(seconds: float) -> int:
 
 
 def _libusb() -> Any:
-    """The libusb that libusb-package brings, else that of the system; None if there is neither."""
+    """The libusb of libusb-package, else of the system; None if both are missing."""
     try:
         import libusb_package
     except ImportError:
