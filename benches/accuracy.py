@@ -215,7 +215,7 @@ it returns nothing.
 {surfaces}
 
 Meshes of three resolutions against the exact surface: a capsule (radius 6 cm, length 40 cm) and a tube of the same size
-whose rims are rounded with 1 cm, at 1.2 m; a person of six ellipsoids, some of which shadow others, at 2.5 m. "error of
+whose rims are rounded with 1 cm, at 1.2 m; a person of six ellipsoids with shadows on each other, at 2.5 m. "error of
 reference" is the difference between the profiles with all and with two thirds of the nodes per axis. The rows of dense
 integration use the method of the references for real meshes. Their error therefore estimates the error of those
 references.

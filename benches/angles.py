@@ -58,7 +58,7 @@ def in_view(rng: np.random.Generator, number: int) -> Array:
 
 
 def three_channels_table(number: int) -> str:
-    """Pairs in front of three channels: wrong directions, and those with `is_resolved` False."""
+    """Pairs in front of three channels: wrong directions, and the share with `is_resolved` False."""
     radar = rc.bgt60tr13c()
     places = radar.virtual_array[:, 1:] / radar.waveform.wavelength
     rng, rows = np.random.default_rng(1), []
@@ -104,7 +104,7 @@ RANGE = 5.0
 
 
 def row_radar(number: int, num_rows: int = 1) -> rc.Radar:
-    """A row of channels, or several rows, half a wavelength apart."""
+    """One or several rows of channels with half-wavelength spacing."""
     half = 0.5 * WAVEFORM.wavelength
     return rc.Radar(
         WAVEFORM, tx=[[0, 0, half * i] for i in range(num_rows)], rx=[[0, half * i, 0] for i in range(number)]

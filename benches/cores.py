@@ -29,7 +29,7 @@ TEXT = """\
 The person and the arm in a room of "A frame, stage by stage", from a sensor on the arm, on {machine}. Written by
 `python benches/cores.py --write`: medians over {frames} frames [ms], and in brackets the median of one thread over it.
 "Fine" frames have `rcs_floor=1e-3` and {fine_rays} rays in the mean. The last row is the time per frame of `record`,
-which simulates as many frames side by side as there are threads.
+which simulates one frame per thread in parallel.
 
 {table}
 """

@@ -1,4 +1,4 @@
-"""Datasets: frames per second and core, against those of the simulator alone, size of a frame, and memory.
+"""Datasets: frames per second and core, against the simulator alone, size of a frame, and memory.
 
 python benches/dataset.py            print the tables
 python benches/dataset.py --tiny     a few frames of each, and no table that means anything
@@ -24,7 +24,7 @@ from radarcore.dataset.store import attributes_of, create, layout_of, samples_in
 RADAR = 'radar.preset = "bgt60tr13c"\n'
 ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"
 LONG, LONGEST, SHORT = (f"run.stop = {stop:g}\n" for stop in (0.25, 1.0, 0.02))
-"""Ten frames, forty, and the one of a tiny run."""
+"""Ten frames, forty, and a single one in a tiny run."""
 
 PERSON = (
     LONG
@@ -66,7 +66,7 @@ SMALL = 'radar.preset = "bgt60tr13c"\nradar.num_chirps = 8\nradar.num_samples = 
 
 
 def simulated(scene: Path, count: int, clock: Callable[[], float] = time.process_time) -> tuple[int, float]:
-    """Frames of some samples, and the time that `Simulator.frame` takes for them [s]; by default that of the core."""
+    """Frames of some samples, and their time in `Simulator.frame` [s]; by default CPU time."""
     variation = rc.dataset.Variation.load(scene)
     seconds, num_frames = 0.0, 0
     for index in range(count):
@@ -81,7 +81,7 @@ def simulated(scene: Path, count: int, clock: Callable[[], float] = time.process
 
 
 def made(scene: Path, out: Path, count: int, workers: int, per_shard: int) -> tuple[float, float]:
-    """Time by the clock that a dataset takes, and that of cores, of this process and those that it starts [s]."""
+    """Wall time of a dataset, and CPU time of this process and its children [s]."""
     shutil.rmtree(out, ignore_errors=True)
     began, before = time.perf_counter(), cores_used()
     rc.dataset.make(scene, out, count=count, workers=workers, samples_per_shard=per_shard, progress=False)
@@ -89,7 +89,7 @@ def made(scene: Path, out: Path, count: int, workers: int, per_shard: int) -> tu
 
 
 def cores_used() -> float:
-    """Time of cores that this process, and those of it that have ended, have used [s]; others do not disturb it."""
+    """CPU time of this process and its finished children [s], independent of other programs."""
     return sum(used.ru_utime + used.ru_stime for used in map(getrusage, (RUSAGE_SELF, RUSAGE_CHILDREN)))
 
 
@@ -118,9 +118,9 @@ def speeds(folder: Path, tiny: bool) -> str:
         if not tiny:
             made(scene, out, few, 1, few)  # so that all is loaded
         num_frames, alone = simulated(scene, number)
-        # What planning and the end take is the same for any number of samples.
+        # Planning and the end take the same time for any number of samples.
         first = made(scene, out, few, 1, few)[1]
-        # Shards are as long as those of a large dataset.
+        # Shards have the length of a large dataset.
         per_shard = min(few + number, samples_in_shard(10**6, size_of(out) // few, None))
         own = made(scene, out, few + number, 1, per_shard)[1] - first
         start = max(0.0, first - own * few / number)
@@ -158,7 +158,7 @@ def scaling(folder: Path, tiny: bool) -> str:
     per_sample = simulated(scene, 1)[0]
     alone = [rate(scene, count)]
     for workers in [cores] if tiny else sorted({1, cores}):
-        # What processes reach side by side is the most there is.
+        # Parallel processes of the simulator are the upper limit.
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             together = sum(pool.map(rate, [scene] * workers, [count] * workers))
         few, number = workers * PER_SHARD, (2 if tiny else 16) * workers * PER_SHARD
@@ -169,8 +169,8 @@ def scaling(folder: Path, tiny: bool) -> str:
     alone.append(rate(scene, count))
     one = sum(alone) / len(alone)
     header = [
-        *("workers", "`Simulator.frame` in as many processes [1/s]", "stored [1/s]"),
-        *("share of workers x one process", "share of as many processes"),
+        *("workers", "Simulator.frame in parallel processes [1/s]", "stored [1/s]"),
+        *("share of workers x one process", "share of parallel processes"),
     ]
     return table(
         header,

@@ -42,7 +42,7 @@ FIRST_BINS = 3
 
 
 def false_alarms(num_cells: int) -> None:
-    """Rates of `cfar` in exponential noise, and of those of its cells whose windows are cut."""
+    """Rates of `cfar` in exponential noise, in all cells and in cells with cut windows."""
     print("cfar: rate of false alarms over its setting, 1e-3; of the cells whose windows are cut")
     rng = np.random.default_rng(1)
     for axes, shape, guard, training in ((1, (64,), 1, 8), (2, (64, 64), 2, 6)):

@@ -50,7 +50,7 @@ The same call without a scene, from depth images of {image} pixels that all move
 
 @dataclass
 class Stopwatch:
-    """An engine of the core that notes run times [s]: its own, those of its stages, and of the receiver in the core."""
+    """An engine of the core that notes run times [s]: its own, of its stages, and of the receiver in the core."""
 
     engine: _core.Simulator
     seconds: float = 0.0

@@ -45,8 +45,8 @@ TEXT = """\
 {bodies} bodies of {triangles} triangles, whose poses and velocities come step by step (`rc.LiveGroup`): a UR10, a
 floor, and a person in two parts. A still sensor with 3 receivers, 64 chirps, 128 samples; {machine}, two threads.
 Written by `python benches/live.py --write`: {frames} frames at 40 Hz [ms], update of all poses and Python included.
-"Python" is everything outside of the core, "the update" the part of it that takes the poses. "CPU time" is that of all
-threads, which other programs on the machine change less. "fast, 1 m^2" is fast sampling with `rcs_floor=1.0`: errors of
+"Python" is everything outside of the core, "the update" the part of it that takes the poses. "CPU time" sums all
+threads; other programs on the machine change it less. "fast, 1 m^2" is fast sampling with `rcs_floor=1.0`: errors of
 each cell are 40 dB below the echo of a person.
 
 {table}

@@ -58,15 +58,15 @@ frame against eq. (1) with the exact delays of all paths.
 
 ## Linear delays
 
-58 GHz, 64 chirps 400 μs apart; ranges to 8 m, velocities to 3 m/s. Paths are in random order, or in the order of the
+58 GHz, 64 chirps every 400 μs; ranges to 8 m, velocities to 3 m/s. Paths are in random order, or in the order of the
 pixels of a depth image, where adjacent paths have similar ranges and velocities.
 
 {linear}
 
 "finufft 2-D" is one transform over range and velocity per term of a low-rank expansion of the residual phase: range
 migration and Doppler within a chirp. "finufft 1-D" is one transform per chirp. The terms come from a singular value
-decomposition, as many as the tolerance needs, and run as many-vector transforms of a reused plan, with the faster of
-two oversampling factors and of sorted or unsorted points. Times and ratios count the library alone (`setpts` and
+decomposition cut at the tolerance, and run as many-vector transforms of a reused plan, with the faster of two
+oversampling factors and of sorted or unsorted points. Times and ratios count the library alone (`setpts` and
 `execute`). "with numpy" adds coordinates, strengths and the sum of the terms in numpy, which C would do faster.
 
 ## Real motion
@@ -525,7 +525,7 @@ def overhead(run: Run) -> str:
 
 
 def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[str]]:
-    """One row per method: what nodes and the library's columns are missing is a dash."""
+    """One row per method; missing nodes and library columns are dashes."""
     for name, methods in results:
         by_name = {method.name: method for method in methods}
         bases = [by_name.get(name) for name in ("C f64", "direct")]

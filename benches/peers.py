@@ -203,7 +203,7 @@ def trimesh(mesh: Triangles) -> Caster:
 
 
 def squared(values: Image) -> Image:
-    """Values of the rays row by row as those of a square image."""
+    """Values of the rays row by row as a square image."""
     return values.reshape(math.isqrt(len(values)), -1)
 
 
@@ -342,7 +342,7 @@ def check_in_f64(name: str, mesh: Triangles, image: rc.DepthImage, num_rays: int
 
 
 def check(name: str, distance: Image, image: rc.DepthImage) -> None:
-    """Exit unless distances in f32 are those of radarcore, but for a handful.
+    """Exit unless distances in f32 equal radarcore's, except for a handful.
 
     A direction rounded to f32 meets the plane off by up to eps / cos(incidence) of the distance, eps = 2^-23; as much
     again for the plane. At silhouettes, and at edges where a library lets rays pass between triangles, both may hit
@@ -358,7 +358,7 @@ def check(name: str, distance: Image, image: rc.DepthImage) -> None:
     if (~agrees).sum() > allowed:
         row, column = np.argwhere(~agrees)[0]
         sys.exit(
-            f"{name}: expected at most {allowed} distances other than those of radarcore, got {(~agrees).sum()} of "
+            f"{name}: expected at most {allowed} distances that differ from radarcore, got {(~agrees).sum()} of "
             f"{agrees.size}, the first in row {row}, column {column}: {distance[row, column]:.9g} m, radarcore "
             f"{image.distance[row, column]:.9g} m"
         )

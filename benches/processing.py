@@ -4,8 +4,8 @@ python benches/processing.py         print the tables
 python benches/processing.py --write also write the section of docs/tracking.md
 python benches/processing.py --tiny  a few frames
 
-Every frame goes through ``rc.detect(frame)`` and ``Tracker.update`` with their defaults, on one thread. Times are those
-of the processor, so that others on the same machine hardly count.
+Every frame goes through ``rc.detect(frame)`` and ``Tracker.update`` with their defaults, on one thread. Times are CPU
+times, so other programs on the machine have little effect.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ WAYS = {
         [[1.1, -0.5], [3.2, -0.2], [4.4, 1.2]],
     ],
 }
-"""Waypoints [m] of those who walk in a room."""
+"""Waypoints [m] of people in a room."""
 
 
 def walkers(ways: list[list[list[float]]]) -> list[rc.models.Human]:
@@ -153,7 +153,7 @@ def times_of(name: str, rec: rc.Recording, num_rounds: int) -> str:
     lines = [f"{name.capitalize()}: {len(rec)} frames of {shape} float32, {num_rounds} rounds;"]
     for kind, counts in (("detections", num_detections), ("tracks", num_tracks)):
         lines.append(f"{counts.mean():.1f} {kind} a frame ({counts.min():.0f} to {counts.max():.0f})")
-    # What else the machine does makes rounds slower, none faster: the best one is what the work takes.
+    # Other programs only make rounds slower: the best round is the time of the work.
     header = ["stage", "mean [ms]", "median", "worst", "mean of best round", "x real time"]
     rows = []
     for stage, each in parts.items():

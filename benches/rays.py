@@ -26,7 +26,7 @@ SHORT = ["--warm-up-time", "0.2", "--measurement-time", "0.5"]
 """Criterion's options: several short runs, so that what is compared is measured at nearly the same time."""
 
 FEW = ["--quick", "--warm-up-time", "0.01", "--measurement-time", "0.01", "5k"]
-"""Benches for `--tiny`, in the build of those that run once with the tests."""
+"""Benches for --tiny, in the build of the tests."""
 
 LEVELS = {"avx512": "AVX-512", "avx2": "AVX2", "baseline": "baseline"}
 """Instruction sets, the best first."""
@@ -67,9 +67,9 @@ PAGE_TEXT = """\
 ## Parts of ray casting
 
 Images of 256 x 256 pixels, 60 degrees, and builds, in the core without Python. `python benches/rays.py --write` runs
-`cargo bench --bench trace --bench bvh` {runs} times and writes this section. {machine}. The time of a run is that of
-its fastest sample; times, and ratios within a run, are medians over the runs. On other machines times change more
-than ratios.
+`cargo bench --bench trace --bench bvh` {runs} times and writes this section. {machine}. The time of a run is its
+fastest sample; times, and ratios within a run, are medians over the runs. On other machines times change more than
+ratios.
 
 {images}
 

@@ -1,7 +1,7 @@
 """The simulated receiver of a BGT60TR13C against a recording of a real one: noise, leakage, codes, phase noise, time.
 
 python benches/receiver.py                        numbers of the model alone
-python benches/receiver.py RECORDING              beside those of a recording of an empty or quiet scene
+python benches/receiver.py RECORDING              beside a recording of an empty or quiet scene
 python benches/receiver.py RECORDING --picture    also draw docs/receiver.png
 python benches/receiver.py --tiny                 a few frames
 """
@@ -43,7 +43,7 @@ class Statistics:
         codes = raw.astype(np.float64)
         num_samples = codes.shape[-1]
         self.chirp = codes.mean(axis=(0, 2))
-        # From one chirp to the next a scene hardly moves: what changes is noise, twice.
+        # From one chirp to the next a scene is almost static: the difference is twice the noise power.
         change = np.diff(codes, axis=2) / np.sqrt(2.0)
         offset = change.mean(axis=-1, keepdims=True)
         self.change = change - offset

@@ -95,7 +95,7 @@ def linear_case(name: str, wf: rc.Waveform, distance: Reals, velocity: Reals, rn
     delay, rate = 2.0 * distance / SPEED_OF_LIGHT, 2.0 * velocity / SPEED_OF_LIGHT
 
     def delay_at(times: Reals) -> NDArray[np.longdouble]:
-        # Rounding a delay to f64 costs 1e-12, as much as the finest tolerance.
+        # Rounding a delay to f64 costs 1e-12, the finest tolerance.
         return delay.astype(np.longdouble) + rate * times.astype(np.longdouble)[:, None]
 
     return Case(name, wf, delay_at, gaussian(rng, len(delay)), delay_rate=rate)

@@ -1,8 +1,8 @@
-"""Speed of the driver over that of a board, in taking frames: emulated board, pyusb's code, frames.
+"""Speed of the driver relative to a board in receiving frames: emulated board, pyusb's code, frames.
 
-The emulated board sends as fast as it is read, and both ends share this process; what the board's end takes alone is
-measured too, and "driver" is what is left of the time over CDC.
-A board sends a frame per frame interval, here the shortest that its chirps allow at 40 Hz or below.
+The emulated board sends as fast as it is read, and both ends share this process; the time of the board's end is
+measured separately; "driver" is the rest of the time over CDC. A board sends a frame per frame interval, here the
+shortest that its chirps allow at 40 Hz or below.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What frames cost without what they skip: empty tiles, copied tiles, directions outside of the beam.
+"""Cost of frames without skips of empty tiles, copied tiles and directions outside of the beam.
 
 python benches/skips.py            print the table
 python benches/skips.py --write    also write its section of benches/results/performance.md
@@ -29,8 +29,8 @@ TEXT = """\
 ## Skips
 
 The frames of "A frame, stage by stage" without what they skip, on {machine}, two threads. Written by
-`python benches/skips.py --write`: medians over {frames} frames [ms], and the largest difference of samples from
-those of the first row, relative to the largest sample.
+`python benches/skips.py --write`: medians over {frames} frames [ms], and the largest difference of samples from the
+first row, relative to the largest sample.
 
 {table}
 """

@@ -31,7 +31,7 @@ TEXT = """\
 
 The targets of RadarSimPy's own benchmark (`bench_sbr`: 76 to 77 GHz, one pulse of 20 samples, one perfectly conducting
 mesh), default settings, two threads, {machine}. Written by `python benches/targets.py --write`: medians over {frames}
-frames [ms]. "first frame" is that of a new simulator, "next frames" copy what stands still. "error" is that of the mean
+frames [ms]. "first frame" is for a new simulator; "next frames" copy static parts. "error" is the error of the mean
 power, against geometric optics of a sphere and against the image of the radar behind a mirror. "published" is the time
 that RadarSimPy gives for 16 threads of another machine, at a density of one ray per wavelength.
 

@@ -13,7 +13,7 @@ radar = rc.bgt60tr13c(num_chirps=64, frame_interval=0.05)
 
 
 def write_poses(path: Path) -> None:
-    """A bag as a robot records it: its own pose by TF, that of the cart by motion capture."""
+    """A bag as a robot records it: its own pose by TF, the pose of the cart by motion capture."""
     with ros.BagWriter(path) as bag:
         for k in range(41):
             t, time_ns = 0.025 * k, START_NS + k * 25_000_000

@@ -26,7 +26,7 @@ def echo(azimuth: float) -> np.ndarray:
 
 
 def level_db(cubes: list[np.ndarray], steer: float) -> np.ndarray:
-    """Echo of every target in the steered beam, above that of one pair of isotropic antennas at the same range."""
+    """Echo of every target in the steered beam, relative to one pair of isotropic antennas at the same range."""
     tx, rx = (rc.processing.steering_weights(places, waveform.wavelength, steer) for places in (radar.tx, radar.rx))
     weights = np.kron(tx, rx) / np.sqrt(tx.size * rx.size)  # channel = tx * num_rx + rx
     beams = [np.abs(np.tensordot(weights, cube, 1)).mean() for cube in cubes]

@@ -1,4 +1,4 @@
-"""Can a small classifier tell a walking person, a moving arm and an empty room apart by range-velocity maps?
+"""Can a small classifier distinguish a walking person, a moving arm and an empty room by range-velocity maps?
 
 Each map is drawn anew: place, heading, speed and height of the person, place and motion of the arm, furniture, noise.
 The seed of the maps that it is tested on is another. Vary the distributions, or num_chirps. Needs scikit-learn.

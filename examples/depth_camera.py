@@ -1,8 +1,9 @@
 """What does a radar see where there is only the depth image of a camera or of another simulator?
 
-Two depth images, 25 ms apart, take the place of the scene: every pixel becomes an echo, and the difference of both its
-velocity. The images here are drawn by radarcore, which also simulates the frame of the meshes for comparison; put yours
-in their place. Vary the number of pixels, and round the depth to whole millimetres: the velocities are lost.
+Two depth images at an interval of 25 ms replace the scene: every pixel becomes an echo, and the difference of both
+images gives its velocity. The images here are drawn by radarcore, which also simulates the frame of the meshes for
+comparison; put yours in their place. Vary the number of pixels, and round the depth to whole millimetres: the
+velocities are lost.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Which of two targets at the same range does an array of 3 transmitters and 4 receivers tell apart?
+"""Which targets at the same range does an array of 3 transmitters and 4 receivers separate?
 
 Three transmitters in turn and four receivers are a row of twelve channels. Its beam, 8.5 degrees wide, merges the pair;
 MUSIC, which looks for directions orthogonal to the noise, parts it. Vary the angles, and the number of receivers.

@@ -1,4 +1,4 @@
-"""How well are targets told apart that move differently: at constant velocity, along a curve, carried by another?"""
+"""How well are targets with different motions separated: at constant velocity, along a curve, carried by another?"""
 
 import numpy as np
 

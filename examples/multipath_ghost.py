@@ -1,8 +1,8 @@
 """Where does a wall beside a target put its ghosts?
 
 The wall is a mirror: echoes of the ball come by way of the wall as well. Once: at half of both ways together, from the
-direction of the ball and from that of its mirror image. On both ways: at the image itself. Vary the distance and
-material of the wall, and `max_bounces`: 1 has no ghost, 2 has no third one.
+direction of the ball and of its mirror image. On both ways: at the image itself. Vary the distance and material of the
+wall, and `max_bounces`: 1 has no ghost, 2 has no third one.
 """
 
 import argparse

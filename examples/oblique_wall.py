@@ -1,6 +1,6 @@
 """Does a radar see a wall that it looks at obliquely?
 
-A smooth wall is a mirror: the echo is that of the radar's image behind it. Where the foot of the perpendicular is off
+A smooth wall is a mirror: the echo comes from the radar's image behind it. Where the foot of the perpendicular is off
 the wall, nothing comes back. A rough wall always returns something, with speckle. Vary the width and the material.
 """
 

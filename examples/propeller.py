@@ -1,7 +1,7 @@
 """At which rate do the blades of a propeller flash, and how fast are their tips?
 
-Twice per turn two blades stand across the line of sight: all of their length returns in phase, a flash that reaches
-from the velocity of one tip to that of the other. Between the flashes a tip alone is left: a sine. Vary the number of
+Twice per turn two blades stand across the line of sight: their complete length returns in phase, a flash from the
+velocity of one tip to the velocity of the other. Between the flashes a tip alone is left: a sine. Vary the number of
 blades: three flash six times per turn, to one side at a time.
 """
 

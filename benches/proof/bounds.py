@@ -24,7 +24,7 @@ INSTEAD = {
     "footprint": "five pixels across a plate, or those along limbs and long ridges, are too few: use the default, or a "
     "narrower `field_of_view_deg`",
 }
-"""What to set where a bound is not held, by the beginning of its name."""
+"""Advice for a bound that is not held, by the beginning of its name."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ MESH_BOUNDS: list[tuple[Way, tuple[float, float, float, float | None], tuple[flo
     (Way("footprint", "pixels", 1024), (1.3, 2.9, 12.0, None), None),
 ]
 """Bounds of strongest peak [dB], peaks [dB rms], profile [%] and floor [dB] for arm and human, and of peaks and profile
-for rooms. The floor of the default follows the echo, at most 1e-2 m²; 1e-1 m² is that of fast sampling."""
+for rooms. The floor of the default follows the echo, at most 1e-2 m²; fast sampling has 1e-1 m²."""
 
 
 def mesh_bounds(results: list[ViewResult]) -> Iterator[Bound]:

@@ -90,7 +90,7 @@ def lambertian_sphere_power(albedo: float, radius: float, center: float) -> floa
 
 
 def lambertian_patch_power(albedo: float, area: float, tilt: float, distance: float) -> float:
-    """Mean power of a small patch far away: that of the cross-section 4 rho A cos²."""
+    """Mean power of a small patch far away, with the cross-section 4 rho A cos²."""
     section = 4.0 * albedo * area * np.cos(tilt) ** 2
     return float(WAVEFORM.wavelength**2 * section / ((4.0 * np.pi) ** 3 * distance**4))
 

@@ -54,9 +54,8 @@ def near_db(distance: float, pitch: float = 4e-4) -> float:
     """Apparent cross-section of the triangular trihedral at a distance [m] of its apex, over that far away [dB].
 
     Mirror images of the antenna light the last plate of every order of reflections, as far as the straight lines from
-    them meet the plates before; the last plate radiates by physical optics, summed over points at a pitch [m]. Neither
-    rays nor meshes of the simulator have a part in it. As in the simulator, the rims of plates before the last one do
-    not diffract.
+    them meet the plates before; the last plate radiates by physical optics, summed over points at a pitch [m]. It uses
+    no rays and no meshes of the simulator. As in the simulator, the rims of plates before the last one do not diffract.
     """
     # The plates lie in x = 0, y = 0 and z = 0, and the antenna on their diagonal.
     antenna = np.full(3, distance / np.sqrt(3.0))

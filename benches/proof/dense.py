@@ -1,12 +1,12 @@
-"""Dense integration of a scene: what all samplings would give if rays cost nothing.
+"""Dense integration of a scene: the limit of all samplings for free rays.
 
 H = (j / 4 pi) sum of Gamma sqrt(G_t G_r) exp(-2jkR) dOmega over rays as close as the phase asks for. Of radarcore only
 the distances of depth images are used: no footprint, no cell, nothing of its scattering or of its sum over paths. With
 the distances of Embree nothing of its tracer either, to the facets as they are.
 
-Every group of bodies has a window of its own, just wide enough for it. The rays of one image would be too far apart
-where surfaces are steep, which raises false echoes as in any `point` image; but these differ from image to image when
-the radar is turned by parts of a pixel, and the mean of such images is that of a finer one.
+Every group of bodies has a window of its own, just wide enough for it. The rays of one image are too sparse on steep
+surfaces, which causes false echoes as in any point image. These differ from image to image when the radar is turned by
+parts of a pixel, and the mean of such images equals a finer image.
 """
 
 from __future__ import annotations
@@ -107,9 +107,9 @@ def dense(
     shifts : int
         Number of images, an even one.
     background : sequence of int
-        Bodies that fill the field of view; large and flat, they have rays twice as far apart.
+        Bodies that fill the field of view; large and flat, they have rays with twice the spacing.
     field_of_view_deg : float
-        In which bodies are looked for, and all of which the background fills [degrees].
+        Field of view for the search of bodies; the background fills it [degrees].
     tracer : Tracer
         Whose distances, and to what surfaces.
     """
@@ -125,7 +125,7 @@ def dense(
     ).depth_image()
     border = np.concatenate([overview.body[[0, -1]].ravel(), overview.body[:, [0, -1]].ravel()])
     if cut := [scene.names[body] for body in np.setdiff1d(border, [-1, *background])]:
-        # Windows are wider than the bodies: what frames do not see would count.
+        # Windows are wider than the bodies: parts outside of frames would count.
         raise ValueError(f"scene: expected bodies within the field of view, got {', '.join(cut)} at its border")
     seen = np.setdiff1d(overview.body, [-1, *background])
     views = [(View.around(overview, body), [body], pitch) for body in seen]

@@ -155,7 +155,7 @@ PERSON = {
     "left leg": Ellipsoid((0.0, 0.10, 0.42), (0.08, 0.075, 0.42)),
     "right leg": Ellipsoid((0.0, -0.10, 0.42), (0.08, 0.075, 0.42)),
 }
-"""Apart from one another; a person who faces +x and stands at z = 0."""
+"""Separate ellipsoids; a person who faces +x and stands at z = 0."""
 
 
 def ellipsoid_nodes(ellipsoids: Sequence[Ellipsoid], position: Reals, rotation: Reals, number: int) -> Iterable[Nodes]:

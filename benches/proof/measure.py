@@ -159,7 +159,7 @@ def transfer_function(sim: rc.Simulator) -> Phasors:
 
 
 def best_time(action: Callable[[], object], repeats: int) -> float:
-    """Shortest of some runs [s]: what else runs on the machine only adds."""
+    """Shortest of some runs [s]: other programs on the machine only add time."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()

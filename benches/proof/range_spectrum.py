@@ -12,7 +12,7 @@ CELLS = 2**20
 
 
 def range_cell(waveform: rc.Waveform) -> float:
-    """Width of a cell [m]: the histogram is as long as the ranges that the frequencies tell apart."""
+    """Width of a cell [m]: the histogram covers the unambiguous range of the frequencies."""
     step = waveform.slope / waveform.sample_rate
     return SPEED_OF_LIGHT / (2.0 * step * CELLS)
 

@@ -38,7 +38,7 @@ from radarcore.models.robots.arm import RobotArm
 INSTALL_HINT = "the extra `robots` is not installed, real meshes are left out: pip install radarcore[robots]"
 
 WAVEFORM = sweep(512)
-"""13.7 MHz between samples: ranges up to 11 m are told apart."""
+"""13.7 MHz between samples: unambiguous up to 11 m."""
 
 RADAR = rc.Radar(WAVEFORM)
 INDOOR_RADAR = rc.Radar(WAVEFORM, pattern=rc.GaussianPattern(0.0, 30.0, 30.0))
@@ -154,7 +154,7 @@ class ProfileErrors:
     peaks: float
     """Of the levels of all peaks within `PEAKS_DB` of it, rms [dB]."""
     relative: float
-    """L2 norm of the complex difference over that of the reference."""
+    """L2 norm of the complex difference relative to the reference."""
     floor: float
     """Rms difference where the reference is more than `EMPTY_DB` below the strongest peak, over that peak [dB]."""
 
@@ -188,7 +188,7 @@ def is_peak(size: Reals) -> Any:
 class Way:
     """A sampling and its setting: `number` is pixels along a side, or a floor [m²].
 
-    With the knob "default" all settings are those of a simulator that was told nothing.
+    The knob "default" has the default settings of the simulator.
     """
 
     sampling: str
@@ -273,7 +273,7 @@ def integrated(view: View, pitch: float, shifts: int, tracer: Tracer = smooth_su
 
 
 def reference_of(view: View, run: Run) -> Dense:
-    """Dense integration of a view, as it is kept where the run asks for that."""
+    """Dense integration of a view, from the file if the run asks for that."""
     if run is not FULL:
         return integrated(view, run.pitch, run.shifts)
     reference = stored_reference(view)
@@ -294,7 +294,7 @@ def stored_reference(view: View) -> Dense | None:
 
 
 def stored_arrays(view: View, reference: Dense) -> dict[str, NDArray[Any]]:
-    """What is kept of a view."""
+    """Stored data of a view."""
     key = f"{view.group}, {view.name}"
     return {
         f"{key}: bodies": bodies_of(view),
@@ -384,11 +384,11 @@ class SphereCheck:
     error: float
     """Relative l2 error of the range profile."""
     own_error: float
-    """As that of `ViewResult`."""
+    """As in `ViewResult`."""
 
 
 def sphere_checks(run: Run) -> Iterator[SphereCheck]:
-    """As it comes, 20 480 triangles, and with four times as many."""
+    """The default, 20 480 triangles, and four times the number."""
     wavenumbers = 2.0 * np.pi * frequencies(WAVEFORM) / SPEED_OF_LIGHT
     expected = sphere_echo(0.1, 1.0, wavenumbers)
     for mesh in (rc.shapes.sphere(0.1), rc.shapes.sphere(0.1, subdivisions=6)):

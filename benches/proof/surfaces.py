@@ -1,4 +1,4 @@
-"""Meshes of bodies whose exact surface is known, at three finenesses, against that surface: capsule, tube, person."""
+"""Meshes of bodies with a known exact surface, at three resolutions, against that surface: capsule, tube, person."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ SUBDIVISIONS = (3, 4, 5)
 
 @dataclass(frozen=True)
 class Target:
-    """A body before the radar: its meshes, one per fineness, and the nodes of its exact surface."""
+    """A body before the radar: its meshes, one per resolution, and the nodes of its exact surface."""
 
     name: str
     pose: rc.Pose
     meshes: Callable[[int], list[rc.Mesh]]
-    """By fineness, from the coarsest."""
+    """By resolution, from the coarsest."""
     profile: Profile | None
     """Outline of a body of revolution; None for the person."""
     num_nodes: int

@@ -120,7 +120,7 @@ class Measured:
 def measured(
     case: Case, run: Run, sampling: str, setting: str, side: int, options: dict[str, Any], repeats: int
 ) -> Measured:
-    """`side` is that of the pixels that the radar is turned by parts of."""
+    """`side` is the image side; the radar turns by parts of its pixels."""
     field_of_view = (case.field_of_view_deg, case.field_of_view_deg)
     sims = [
         simulator(

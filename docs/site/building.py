@@ -14,7 +14,7 @@ COLOUR = re.compile(r"</?span\b[^>]*>")
 
 
 def on_startup(*, command: str, dirty: bool) -> None:
-    """Look for garbage seldom: pages are made of very many objects, nearly all of which stay."""
+    """Collect garbage seldom: pages consist of very many objects, and nearly all stay."""
     gc.set_threshold(100_000, 50, 100)
 
 

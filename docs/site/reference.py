@@ -175,7 +175,8 @@ def index(found: dict[str, list[Name]]) -> str:
 
 @cache
 def targets() -> dict[str, str]:
-    """Places of definitions by name: as written after ``rc.``, or alone; of names in several packages that of `rc`."""
+    """Places of definitions by name: as written after
+    ``rc.``, or alone; for names in several packages the place in ``rc``."""
     names = [name for page in pages().values() for name in page]
     alone = {name.name: name.target for name in reversed(names)}
     return {name.written.removeprefix("rc."): name.target for name in names} | alone
@@ -190,7 +191,7 @@ def entry(name: str) -> str | None:
 
 
 def link(name: str, code: str) -> str:
-    """A name in code as a link into the reference; what has no entry there stays text."""
+    """A name in code as a link into the reference; names without an entry stay text."""
     target = entry(name)
     shown = f"<code>{code}</code>"
     return shown if target is None else f'<autoref identifier="{target}" optional>{shown}</autoref>'
@@ -226,7 +227,7 @@ def listed(match: re.Match[str]) -> str:
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Link names in code, and those of sections "See Also"."""
+    """Link names in code, and names in sections "See Also"."""
     return CODE.sub(linked, SEE_ALSO.sub(listed, html)) if not page.file.src_uri.startswith("CHANGELOG") else html
 
 

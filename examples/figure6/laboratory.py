@@ -1,6 +1,6 @@
 """The laboratory of the experiment in MuJoCo: a UR10 with the radar, a cylinder on a table, and a person who walks.
 
-The robot is that of its URDF file, driven by joint velocities. The person is 16 mocap bodies, placed by a gait model.
+The robot comes from its URDF file, driven by joint velocities. The person is 16 mocap bodies, placed by a gait model.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ WORLD = f"""
 
 
 class Laboratory:
-    """The physics, one step after the other, and who is told after each step.
+    """The physics, step by step, with observers called after each step.
 
     Attributes
     ----------

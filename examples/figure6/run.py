@@ -4,12 +4,11 @@
 
 MuJoCo moves a robot arm with the radar, a cylinder and a person. Their poses are streamed as OptiTrack streams them,
 and received over UDP. The radar's driver measures with an emulated BGT60TR13C, whose samples are another simulation of
-the same laboratory: other noise, the receiver as measured, a clock of its own, and packets that get lost. What is
-simulated meanwhile, what the driver measures and what motion capture sees goes into one ROS bag, which
-`radarcore compare` reads.
+the same laboratory: other noise, the measured receiver, its own clock, and lost packets. Simulated frames, measured
+frames and motion capture go into one ROS bag for ``radarcore compare``.
 
-There is one clock, that of the physics. The board sets the pace: to measure a frame it lets the laboratory go on to the
-end of that frame, however long this takes, so all times are those of the laboratory, at any speed of the computer.
+The physics have the only clock. The board sets the pace: to measure a frame it advances the laboratory to the end of
+that frame. So all times belong to the laboratory, at any speed of the computer.
 """
 
 from __future__ import annotations
