@@ -31,7 +31,7 @@ def with_fields(whole: Any, **fields: Any) -> SimpleNamespace:
 
 
 def of_ros(**fields: Any) -> images.PlanarDepth:
-    """A float image of 24 x 40 pixels, some of whose fields are changed."""
+    """A float image of 24 x 40 pixels with some changed fields."""
     size = {"height": 24, "width": 40, "step": 160, "data": bytes(3840)}
     image = SimpleNamespace(**(size | {"encoding": "32FC1", "is_bigendian": 0} | fields))
     return images.from_ros_image(image, camera=fields.get("camera", (60, 40)))

@@ -1,4 +1,4 @@
-"""The example on bags: what it finds is the truth."""
+"""The example on bags finds the truth."""
 
 from __future__ import annotations
 

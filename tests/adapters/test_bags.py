@@ -1,4 +1,4 @@
-"""ROS bags: what is written comes back, by a second reader too; cut MCAP files up to the cut."""
+"""ROS bags: written messages come back, by a second reader too; truncated MCAP files up to the cut."""
 
 from __future__ import annotations
 
@@ -471,9 +471,7 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
             bag.write("/a", {"data": "x"}, 0, type="std_msgs/msg/Strin")
         with pytest.raises(ValueError, match="std_msgs/msg/String: expected the field 'data', got none"):
             bag.write("/a", {}, 0, type="std_msgs/msg/String")
-        with pytest.raises(
-            ValueError, match=r"type: expected std_msgs/msg/String, that of the topic '/a', got std_msgs"
-        ):
+        with pytest.raises(ValueError, match=r"type: expected std_msgs/msg/String of the topic '/a', got std_msgs"):
             bag.write("/a", {"data": 1.0}, 0, type="std_msgs/msg/Float64")
         with pytest.raises(ValueError, match=r"Int16MultiArray.data: expected numbers of type int16, got 1 to 40000"):
             bag.write("/b", array_of(0) | {"data": [1, 40_000]}, 0, type=ARRAY)

@@ -59,7 +59,7 @@ def test_points_are_those_of_the_scene_in_images_of_any_sides(columns: int, rows
     with Stub(columns, rows) as stub, connected(stub) as simulator:
         image = simulator.vision_sensor("/radar").image()
     assert image.depth.shape == image.grey.shape == (rows, columns)
-    # The angle is that of the larger side.
+    # The angle belongs to the larger side.
     assert image.camera.fx == image.camera.fy == pytest.approx(0.5 * max(rows, columns) / np.tan(0.5 * ANGLE))
     world = image.pose.apply(image.planar.points)
     is_ball = image.grey[image.planar.valid] == GREYS["ball"]
@@ -281,7 +281,7 @@ def test_unknown_object_is_an_error_that_suggests_near_names(simulator: coppelia
         simulator.vision_sensor("/rader")
     with pytest.raises(coppeliasim.CoppeliaSimError, match="no object '/pot'"):
         simulator.bodies("/pot")
-    assert simulator.time == 0.0  # the connection goes on
+    assert simulator.time == 0.0  # the connection stays open
 
 
 def test_errors_of_the_server_name_the_function(simulator: coppeliasim.CoppeliaSim) -> None:

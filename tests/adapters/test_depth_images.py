@@ -100,7 +100,7 @@ def check_ball(frame: rc.Frame) -> None:
 @pytest.mark.parametrize("kind", FORMATS)
 def test_depth_images_become_frames_with_the_range_and_velocity_of_the_ball(tmp_path: Path, kind: str) -> None:
     frames = [frame for frame, _ in frames_of(write_depth(tmp_path / "bag", kind), 40.0)]
-    # A velocity needs two images; the frame interval is that of the images.
+    # A velocity needs two images; the images give the frame interval.
     np.testing.assert_allclose([frame.time for frame in frames], 0.025 * np.arange(1, NUM_IMAGES), atol=1e-12)
     for frame in frames:
         check_ball(frame)

@@ -79,7 +79,7 @@ def gz_image(nothing: float = np.inf, padding: int = 0) -> SimpleNamespace:
 
 
 def gz_named() -> SimpleNamespace:
-    """An image whose header names its frame, as that of a gz.msgs.Image."""
+    """An image whose header names its frame, as in a gz.msgs.Image."""
     image = gz_image(-np.inf)
     image.header.data = [SimpleNamespace(key="frame_id", value=["robot/camera_link"])]
     return image

@@ -166,7 +166,7 @@ def test_bodies_are_the_visible_geoms_with_names_of_their_own() -> None:
     three = LiveModel(compiled('<geom size=".1"/>' * 3)[0])
     assert three.scene.names == ("world/sphere", "world/sphere 2", "world/sphere 3")
     assert parts(skip=("case", "floor")).scene.names == ("robot/stone 1", "robot/stone 1 2")
-    # Meshes are built once; what is welded to the world is at rest.
+    # Meshes are built once; geoms welded to the world are at rest.
     assert live.bodies[1].mesh is live.bodies[2].mesh
     assert live.bodies[3].mesh is live.bodies[4].mesh
     assert [isinstance(body.motion, rc.Pose) for body in live.bodies] == [True, False, False, True, True]
@@ -248,7 +248,7 @@ def falling(follow: bool) -> tuple[list[rc.Frame], list[float], Any]:
             # Physics steps to the very start, so that motion has no kink in the frame.
             assert data.time == pytest.approx(frame.time, abs=1e-9)
             assert frame.stats["series_residual"] < 1e-5
-    # Before every step, of which those before a frame may be shorter.
+    # Before every step; steps before a frame may be shorter.
     assert np.diff(seen).max() < 0.002 + 1e-9
     assert np.diff(seen).min() > 0.0
     assert model.opt.timestep == 0.002
@@ -262,8 +262,9 @@ def test_loop_follows_the_motion_in_a_frame_or_goes_on_from_its_start() -> None:
         for frame in found:
             assert frame.truth is not None
             middle = frame.time + 0.5 * RADAR.duration
-            # Velocity follows gravity to the middle of the frame, 95 mm/s on, or stays that of the start. MuJoCo's
-            # Euler steps of 2 ms have velocities that are half a step behind its positions: 3/4 of 10 m/s^2 in a step.
+            # Velocity follows gravity to the middle of the frame, 95 mm/s more, or keeps its value at the start.
+            # MuJoCo's Euler steps of 2 ms have velocities that are half a step behind its positions: 3/4 of 10 m/s^2 in
+            # a step.
             velocity = -10.0 * (middle if follow else frame.time)
             assert frame.truth.velocity[0] == pytest.approx(velocity, abs=0.016)
         assert data.time == pytest.approx(0.1 + (RADAR.duration if follow else 0.0), abs=2.1e-3)

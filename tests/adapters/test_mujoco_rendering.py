@@ -1,4 +1,4 @@
-"""Rendered depth of MuJoCo: against our own rays, decoders with real buffers, and frames against those of poses."""
+"""Rendered depth of MuJoCo: against our own rays, decoders with real buffers, and frames against frames from poses."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_rendered_depth_is_that_of_our_own_rays(drawn: tuple[LiveModel, Any, Dep
     planar = own.distance[inside] / seen.depth.camera.slant(ROWS, COLUMNS)[inside]
     error = np.abs(seen.depth.depth[inside] - planar)
     assert np.quantile(error, 0.99) < 5e-6  # ridges of a stone are silhouettes of its facets
-    # What lies beyond is nothing, with the edges of bodies between.
+    # Pixels beyond are empty, with the edges of bodies between.
     assert ((seen.body < 0) != (own.body < 0)).mean() < 0.01
 
 
@@ -164,7 +164,7 @@ def test_poses_and_rendered_depth_give_the_same_ranges_and_velocities() -> None:
         assert abs(other.range - near) < 1e-3
         assert abs(one.velocity - other.velocity) < 0.02 * RADAR.waveform.velocity_resolution
         assert abs(other.velocity - by_poses.truth.velocity[number]) < 0.02 * RADAR.waveform.velocity_resolution
-    # Truth of the image holds for its time, that of poses for the middle of the frame.
+    # Truth of the image holds for its time, truth of poses for the middle of the frame.
     middle = by_depth.truth.range[1:] + 0.5 * RADAR.duration * by_depth.truth.velocity[1:]
     np.testing.assert_allclose(middle, by_poses.truth.range[1:], rtol=0, atol=1e-3)
 
@@ -198,7 +198,7 @@ def test_drawing_leaves_the_model_as_it_was_and_shows_what_the_radar_sees_alone(
     np.testing.assert_array_equal(model.geom_rgba, colours)
     assert set(np.unique(seen.body).tolist()) == {-1, 0, 1, 2}
     assert seen.depth.depth[seen.depth.valid].max() < 2.5  # no wall
-    # The site looks 5 degrees down and 10 to the left: what was in the middle is on the right.
+    # The site looks 5 degrees down and 10 to the left: the former middle is on the right.
     with DepthView(live, camera="radar", rows=ROWS, columns=COLUMNS, far=10.0) as view:
         straight = view.view(data)
     columns = [np.nonzero(image.body == number)[1].mean() for image, number in ((seen, 2), (straight, 3))]

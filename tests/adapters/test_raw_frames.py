@@ -108,7 +108,9 @@ def test_bad_frames_and_bags_are_refused(tmp_path: Path) -> None:
             FrameWriter(bag, RADAR, source={"a": b""})
         writer = FrameWriter(bag, RADAR)
         writer.append(frame(1))
-        with pytest.raises(ValueError, match=r"frame\.time: expected frames at least a nanosecond apart, got 0\.025 s"):
+        with pytest.raises(
+            ValueError, match=r"frame\.time: expected at least a nanosecond between frames, got 0\.025 s"
+        ):
             writer.append(frame(1))
         with pytest.raises(ValueError, match=r"frame\.time: expected a time after 1970 by start_ns, got -0\.025 s"):
             FrameWriter(bag, RADAR, topic="/other").append(replace(frame(1), time=-0.025))

@@ -1,4 +1,4 @@
-"""The viewer Rerun: what is written to its files, read back by its own reader."""
+"""The viewer Rerun: contents of its files, read back by its own reader."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def rclpy_class(name: str) -> type:
 
 
 def install(patch: pytest.MonkeyPatch, make: Any, *names: str) -> None:
-    """Put packages of messages in the place of those that are installed, if any are."""
+    """Replace installed packages of messages, if any."""
     for package in {name.split("/")[0] for name in names}:
         kinds = [name.split("/")[1] for name in names if name.startswith(f"{package}/")]
         module = ModuleType(f"{package}.msg")

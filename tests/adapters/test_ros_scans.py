@@ -15,7 +15,7 @@ import rosbags_types
 from radarcore.adapters import ros
 
 STAMP = 1_700_000_000_123_456_789
-"""No float64 of seconds has its last digits: neighbours are 238 ns apart."""
+"""No float64 of seconds has its last digits: the spacing of numbers is 238 ns."""
 
 DETECTIONS = rc.Detections(
     range=[0.9, 2.5, 2.5, 7.3],

@@ -133,7 +133,7 @@ def test_radar_at_an_optical_frame_looks_along_its_z() -> None:
         expected = FRAMES["lift"](0.7)[:3, :3]
         np.testing.assert_allclose(radar.rotation, expected, rtol=0, atol=1e-12)
         np.testing.assert_allclose(radar.position, FRAMES[frame](0.7)[:3, 3], rtol=0, atol=1e-11)
-    # Told to be optical, a link's z is forward.
+    # Declared optical, a link's z is forward.
     upward = TREE.radar_motion("lift", "lift", axes="optical")
     np.testing.assert_array_equal(upward.at(0.0).apply([1.0, 0.0, 0.0]), [0.0, 0.0, 1.0])
 

@@ -63,7 +63,7 @@ class CoppeliaSimError(OSError):
 
 
 def _connected(host: str, port: int, timeout: float) -> Any:
-    """The client of CoppeliaSim's package, all of whose calls end within the time-out."""
+    """The client of CoppeliaSim's package; all calls end within the time-out."""
     try:
         import zmq
         from coppeliasim_zmqremoteapi_client import RemoteAPIClient
@@ -75,7 +75,7 @@ def _connected(host: str, port: int, timeout: float) -> Any:
     address, longest = f"tcp://{host}:{check.port('port', port)}", check.positive("timeout", timeout, "s")
 
     class Remote(RemoteAPIClient):  # type: ignore[misc]  # without types
-        """One deadline for all messages of a call: `sim.step` takes as many as it waits."""
+        """One deadline for all messages of a call: `sim.step` receives one per wait."""
 
         deadline: float
         socket: Any
@@ -168,7 +168,7 @@ def from_shape_viz(items: Sequence[Mapping[str, Any]]) -> Mesh:
 
     See Also
     --------
-    Mesh : What comes back.
+    Mesh : The result.
     adapters.coppeliasim.CoppeliaSim.bodies : Asks for all shapes.
 
     Examples
@@ -423,13 +423,13 @@ class CoppeliaSim:
         Parameters
         ----------
         *paths : str
-            Objects whose shapes, and those of all objects below, are meant; default: all of the scene.
+            Objects whose shapes are read, with all objects below; default: the complete scene.
         material : Material, optional
-            Of all of them; default: that of `Body`, metal.
+            Of all of them; default: metal, as in `Body`.
         still : bool
             They never move: their poses are read once, which saves calls and rays.
         hidden : bool
-            With those that are on layers which are not shown, as are simple shapes for collisions.
+            Include shapes on hidden layers, such as simple shapes for collisions.
         """
         handles = self._shapes(paths, hidden)
         meshes = {handle: from_shape_viz(self._items(handle)) for handle in handles}
@@ -471,7 +471,7 @@ class CoppeliaSim:
             self._update()
             yield self
         except BaseException:
-            with suppress(CoppeliaSimError):  # what went wrong before is the news
+            with suppress(CoppeliaSimError):  # report the earlier error
                 self._stop()
             raise
         self._stop()
@@ -489,7 +489,7 @@ class CoppeliaSim:
         end = clock.monotonic() + self._timeout
         while sim.getSimulationState() != sim.simulation_stopped:
             if clock.monotonic() > end:
-                raise CoppeliaSimError(f"the simulation goes on {self._timeout:g} s after it was asked to stop")
+                raise CoppeliaSimError(f"the simulation still runs {self._timeout:g} s after the request to stop")
             clock.sleep(_POLL)
 
     def _update(self) -> float:

@@ -1,4 +1,4 @@
-"""Decoded depth images, and the radar's axes in those of the cameras that made them."""
+"""Decoded depth images, and the radar's axes in camera axes."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Matrix = NDArray[np.float64]
 _FAR_MARGIN = 1e-6
 
 OPENGL_AXES = check.frozen(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]))
-"""Radar axes in those of MuJoCo's and PyBullet's cameras: x right, y up, looking along -z."""
+"""Radar axes in the axes of MuJoCo's and PyBullet's cameras: x right, y up, looking along -z."""
 
 COPPELIASIM_AXES = check.frozen(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-"""Radar axes in those of a vision sensor: x to the left of the image, y up, z forward."""
+"""Radar axes in the axes of a vision sensor: x to the left of the image, y up, z forward."""
 
 GZ_AXES = check.frozen(np.eye(3))
-"""Radar axes in those of a Gazebo link: the same."""
+"""Radar axes in the axes of a Gazebo link: the same."""
 
 ROS_OPTICAL_AXES = check.frozen(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))
-"""Radar axes in those of an optical frame (REP 103): x right, y down, z forward."""
+"""Radar axes in the axes of an optical frame (REP 103): x right, y down, z forward."""
 
 _AXES = {"optical": ROS_OPTICAL_AXES, "link": GZ_AXES, "opengl": OPENGL_AXES, "coppeliasim": COPPELIASIM_AXES}
 

@@ -146,7 +146,7 @@ def from_coppeliasim(
 ) -> PlanarDepth:
     """Depth of ``sim.getVisionSensorDepth(handle, options)``, both its results; bottom row first.
 
-    `angle`: ``sim.visionfloatparam_perspective_angle`` [rad], that of the larger side; `near` and `far`: the clipping
+    `angle`: ``sim.visionfloatparam_perspective_angle`` [rad], of the larger side; near and `far`: the clipping
     planes [m]; bit 0 of `options`: metres instead of fractions of near to far.
 
     See Also

@@ -85,8 +85,8 @@ class Image(Protocol):
 class Viewer:
     """A file for Rerun, or its viewer, to which things are shown at their times.
 
-    Use as a context manager, or call `close`. What is shown lies on the time line ``sim_time``; all that belongs to a
-    frame stands at its middle.
+    Use as a context manager, or call `close`. All entities are on the time line ``sim_time``; data of a frame are at
+    its middle.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def is_available() -> bool:
 
     See Also
     --------
-    adapters.mujoco.LiveModel : What it is needed for.
+    adapters.mujoco.LiveModel : Needs it.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def mujoco_module() -> ModuleType:
         raise ImportError("MuJoCo models need mujoco: pip install radarcore[mujoco]")
     try:
         import mujoco
-    except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
+    except Exception as error:  # this loads the back end of MUJOCO_GL; every back end fails in its own way
         raise no_graphics(error) from error
     module: ModuleType = mujoco
     return module
@@ -134,8 +134,8 @@ def geom_materials(
 ) -> list[Material]:
     """Material of every geom.
 
-    The first that `materials` has of the names of the geom, its material in MuJoCo, its mesh and its body; else the
-    one of radarcore's library that is called as its material in MuJoCo; else the default.
+    The entry of `materials` for the geom, its MuJoCo material, its mesh or its body, in this order; else the library
+    material with the name of its MuJoCo material; else the default.
     """
     chosen = {name: _material(f"materials[{name!r}]", value) for name, value in (materials or {}).items()}
     known = {name for kind in ("geom", "body", "mat", "mesh") for name in names_of(model, kind)} - {""}
@@ -184,7 +184,7 @@ SHOWN_GROUPS = (0, 1, 2)
 class LiveModel:
     """Geoms of a MuJoCo model as bodies, whose poses and velocities every `update` takes from an MjData.
 
-    Meshes are built once. What is welded to the world is a body at rest; all else moves by one `LiveGroup`.
+    Meshes are built once. Geoms welded to the world are static; all others move by one `LiveGroup`.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ class LiveModel:
         Names of geoms, and of bodies with all geoms directly on them, that the radar does not see: its own housing.
     materials : mapping of str to Material or str, optional
         Materials, also by name in ``radarcore.materials``, by the name of a geom, of its material in MuJoCo, its mesh,
-        or its body; the first of these counts. Default: a material in MuJoCo that is called as one of radarcore's.
+        or its body; the first of these counts. Default: MuJoCo materials map to radarcore's by name.
     default : Material or str
         Material of all other geoms.
     plane_size : float
@@ -203,15 +203,14 @@ class LiveModel:
     sagitta : float
         Largest distance of facets from curved primitives [m].
     rates : "model" or "differences"
-        Velocities by ``qvel``, or by differences of updates: for programs that set ``qpos`` alone. Those of mocap
-        bodies and of cameras that follow a body are always differences.
+        Velocities by ``qvel``, or by differences of updates: for programs that set ``qpos`` alone. Mocap bodies and
+        cameras that follow a body always use differences.
 
     Attributes
     ----------
     model : MjModel
     geoms : tuple of int
-        Numbers of the geoms, in the order of `bodies`. Left out are, besides those that were not asked for, geoms
-        that are fully transparent.
+        Numbers of the geoms, in the order of `bodies`. Fully transparent geoms are skipped, too.
     bodies : tuple of Body
         A body per geom, called as the geom or ``body/mesh``, ``body/box``.
     scene : Scene
@@ -329,7 +328,7 @@ class LiveModel:
             raise TypeError(f"data: expected MjData, got {type(data).__name__}")
         sizes, expected = (len(data.qpos), len(data.xpos)), (self.model.nq, self.model.nbody)
         if sizes != expected:  # MuJoCo would write beyond its arrays
-            raise ValueError(f"data: expected that of this model, of (nq, nbody) = {expected}, got {sizes}")
+            raise ValueError(f"data: expected data of this model, of (nq, nbody) = {expected}, got {sizes}")
         settle(self.model, data)
         if self._group is None:
             return
@@ -422,7 +421,7 @@ def _geoms(model: Any, groups: tuple[int, ...], skip: Collection[str]) -> tuple[
 
 
 def is_transparent(model: Any) -> NDArray[np.bool_]:
-    """True for geoms that are not drawn: by their own colour, or else that of their material, (geom,)."""
+    """True for invisible geoms: by their own colour, or else by their material's, (geom,)."""
     unset = (model.geom_rgba == [0.5, 0.5, 0.5, 1.0]).all(axis=1) & (model.geom_matid >= 0)
     alpha = model.geom_rgba[:, 3].copy()
     alpha[unset] = model.mat_rgba[model.geom_matid[unset], 3]
@@ -495,7 +494,7 @@ def frames(
     control : callable, optional
         Called with `data` before every step: sets ``ctrl``, ``mocap_pos``.
     follow : bool
-        False: a frame is simulated as soon as it starts, with the velocities that hold then, and `data` is that of its
+        False: a frame is simulated as soon as it starts, with the velocities at that time; `data` has the state at its
         start. True: it is simulated when the physics has stepped past its end, as a sensor delivers it, and follows the
         positions step by step: for strong accelerations and contacts, at two to three times the run time.
 

@@ -87,7 +87,7 @@ class DepthView:
     rows, columns : int
         Pixels.
     fovy_deg : float, optional
-        Vertical angle of the image [degrees], pixels are square; default: that of the camera.
+        Vertical angle of the image [degrees], pixels are square; default: the camera's.
     near, far : float
         Nearest and farthest depth that is drawn [m].
     frequency : float
@@ -102,7 +102,7 @@ class DepthView:
 
     See Also
     --------
-    adapters.mujoco.View : What it draws.
+    adapters.mujoco.View : The drawn image.
     adapters.mujoco.LiveModel : Meshes, exact in phase.
     frame_from_depth : Frame from a view.
 
@@ -148,7 +148,7 @@ class DepthView:
         if not 0.0 < self.fovy_deg < 180.0:
             raise ValueError(f"fovy_deg: expected an angle between 0 and 180 degrees, got {self.fovy_deg:g}")
 
-        # What the materials reflect, and the body that each geom is.
+        # Reflectance of the materials, and the body of each geom.
         responses = [body.material.response(frequency) for body in live.bodies]
         # One more for pixels that show nothing.
         self._reflectance = np.array([*(abs(complex(field)) ** 2 for field, _ in responses), 0.0])
@@ -254,7 +254,7 @@ class DepthView:
 
 
 def _vertical_angle(model: Any, camera: str | None, fovy_deg: float | None) -> float:
-    """Vertical angle of the image [degrees]: as given, or that of the camera."""
+    """Vertical angle of the image [degrees]: as given, or from the camera."""
     if fovy_deg is not None:
         return check.number("fovy_deg", fovy_deg, "degrees")
     if camera is None:

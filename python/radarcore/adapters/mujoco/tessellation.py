@@ -43,7 +43,7 @@ def geom_mesh(model: Any, geom: int, *, plane_size: float = 20.0, sagitta: float
     See Also
     --------
     adapters.mujoco.LiveModel : Meshes of all geoms.
-    Mesh : What comes back.
+    Mesh : The result.
 
     Examples
     --------

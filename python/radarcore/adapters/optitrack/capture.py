@@ -209,7 +209,7 @@ class MotionCapture:
 
         See Also
         --------
-        Trajectory : What comes back.
+        Trajectory : The result.
         processing.clock_offset : Offset of the clocks of camera and radar.
 
         Examples

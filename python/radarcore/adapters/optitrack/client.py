@@ -339,25 +339,25 @@ class MotionCaptureClient:
 
     @property
     def clock_offset(self) -> float | None:
-        """Time to add to those of frames for times of `time.time` [s], by that of the last frames which came fastest.
+        """Time to add to times of frames for times of `time.time` [s], from the fastest of the last frames.
 
         None before the first frame, and of servers that do not say when a frame departs. It is too large by the
-        shortest time that a frame takes through the network, 0.1 ms or so by cable.
+        shortest transmission time of a frame, about 0.1 ms by cable.
         """
         return min(self._clock_offsets, default=None)
 
     def frames(self, motions: Mapping[str, Updated] | None = None) -> Iterator[CapturedFrame]:
-        """Frames as they come, without end; those that come late are left out.
+        """Frames as they arrive, without end; late frames are dropped.
 
         Parameters
         ----------
         motions : mapping of str to Live, optional
-            Motions to update, by name of the body; those of bodies that are not tracked in a frame are not updated.
+            Motions to update, by name of the body; bodies that are not tracked in a frame are not updated.
 
         See Also
         --------
         adapters.optitrack.MotionCaptureClient.follow : In the background.
-        adapters.optitrack.CapturedFrame : What comes.
+        adapters.optitrack.CapturedFrame : A received frame.
 
         Examples
         --------
@@ -375,7 +375,7 @@ class MotionCaptureClient:
 
         See Also
         --------
-        adapters.optitrack.MotionCapture : What comes back.
+        adapters.optitrack.MotionCapture : The result.
         adapters.optitrack.write_motive_csv : Saves it.
 
         Examples
@@ -476,7 +476,7 @@ class MotionCaptureClient:
         for states, known in ((raw.skeletons, self._model.skeletons), (raw.assets, self._model.assets)):
             for number, bones in states.items():
                 name, names = known.get(number, (f"skeleton {number}", {}))
-                for bone in bones:  # the identity of its skeleton stands above that of the bone
+                for bone in bones:  # the upper bits identify its skeleton
                     member = bone.id & 0xFFFF
                     bodies[f"{name}:{names.get(member, f'bone {member}')}"] = bone
         if raw.transmitted_ticks > 0:
@@ -517,7 +517,7 @@ class MotionCaptureClient:
             if now >= self._next_sign:
                 self._next_sign = now + (_KEEP_ALIVE if request == Kind.KEEP_ALIVE else _REPEAT)
                 self._send(request, payload)
-            if (packet := self._received(kind)) is not None:
+            if (packet := self._next_packet(kind)) is not None:
                 return packet
         if self._damage is not None and self._last_time == -inf:  # there never was a whole frame
             raise self._damage
@@ -534,7 +534,7 @@ class MotionCaptureClient:
         else:
             info = self.info
             way = (
-                f"multicast {info.multicast_address}:{info.data_port}; give local_address, that of the network "
+                f"multicast {info.multicast_address}:{info.data_port}; give local_address, the address of the network "
                 "interface, if this computer has several"
                 if info.is_multicast
                 else "to this client alone"
@@ -542,7 +542,7 @@ class MotionCaptureClient:
             text = f"no frame from the {server} ({way}): is it live, or playing a take?"
         return f"{text} Packets from {', '.join(sorted(self._strangers))} were ignored." if self._strangers else text
 
-    def _received(self, kind: Kind) -> bytes | None:
+    def _next_packet(self, kind: Kind) -> bytes | None:
         """A packet of a kind, if one comes soon; names are taken from others that come."""
         if self._command is None:
             raise ValueError("client: expected a connection, got a closed one")
@@ -580,6 +580,6 @@ class MotionCaptureClient:
             one.close()
             raise ConnectionError(
                 f"multicast {info.multicast_address}:{info.data_port} cannot be joined ({error}); give local_address, "
-                "that of the network interface"
+                "of the network interface"
             ) from error
         return one

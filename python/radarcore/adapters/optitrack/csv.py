@@ -62,9 +62,8 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     path : path
         Of the file; rotations must have been exported as quaternions, coordinates in the global space.
     axes : "z_up", "z_up_world" or "unchanged"
-        In Motive y is up. ``"z_up"`` turns the axes of world and bodies alike, (x, -z, y) for (x, y, z), so that a body
-        that is not turned in Motive is not turned; ``"z_up_world"`` turns those of the world alone; ``"unchanged"``
-        leaves them.
+        In Motive y is up. "z_up" turns the axes of world and bodies, (x, -z, y) for (x, y, z), so that a body without
+        rotation in Motive has none; "z_up_world" turns only the world; "unchanged" keeps them.
     length_unit : "meters", "centimeters" or "millimeters", optional
         Of a file that does not say it.
 
@@ -76,7 +75,7 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
 
     See Also
     --------
-    adapters.optitrack.MotionCapture : What comes back.
+    adapters.optitrack.MotionCapture : The result.
     adapters.optitrack.write_motive_csv : The way back.
 
     Examples
@@ -279,7 +278,7 @@ def write_motive_csv(
         Of the file.
     capture : MotionCapture
     axes : "z_up", "z_up_world" or "unchanged"
-        Those with which the capture was made and the file will be read, see `read_motive_csv`.
+        Axes of the capture and of the later reading, see `read_motive_csv`.
     overwrite : bool
         Replace a file that is there.
 

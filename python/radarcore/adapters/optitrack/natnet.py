@@ -139,7 +139,7 @@ class NatNetFrame:
         Bones by the identity of the skeleton or of the asset.
     markers : tuple of MarkerState
     timestamp : float
-        Of the program, from its start or that of the take [s].
+        Of the program, from its start or the start of the take [s].
     exposure_ticks, received_ticks, transmitted_ticks : int
         Middle of the cameras' exposure, arrival of their data, departure of the frame, by the server's clock.
     is_recording, is_model_changed : bool
@@ -267,7 +267,7 @@ def decode_server_info(packet: bytes) -> ServerInfo:
 
     See Also
     --------
-    adapters.optitrack.ServerInfo : What comes back.
+    adapters.optitrack.ServerInfo : The result.
 
     Examples
     --------
@@ -304,7 +304,7 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
 
     See Also
     --------
-    adapters.optitrack.NatNetFrame : What comes back.
+    adapters.optitrack.NatNetFrame : The result.
     adapters.optitrack.MotionCaptureClient : Receives packets and decodes them.
 
     Examples
@@ -348,11 +348,11 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
 
 
 def decode_model(packet: bytes, version: Version) -> ModelNames:
-    """Names of bodies, skeletons and assets of a packet of kind `Kind.MODEL`; errors as those of `decode_frame`.
+    """Names of bodies, skeletons and assets of a packet of kind `Kind.MODEL`; errors as in `decode_frame`.
 
     See Also
     --------
-    adapters.optitrack.ModelNames : What comes back.
+    adapters.optitrack.ModelNames : The result.
     adapters.optitrack.decode_frame : Bodies by these numbers.
 
     Examples

@@ -34,7 +34,7 @@ class BagWriter:
     """Writes messages into a new ROS bag.
 
     The bag gets its name when it is finished; until then it is ``NAME.part`` beside that, which `BagReader` reads as
-    far as it got. Leaving a ``with`` block finishes it, by an exception or Ctrl-C too: what was written is readable.
+    far as it got. Leaving a ``with`` block finishes it, also by an exception or Ctrl-C: the bag is readable.
     A killed process loses at most the last second that it wrote; its part stays, and no other writer replaces it.
 
     Parameters
@@ -120,7 +120,7 @@ class BagWriter:
         type : str
             Such as ``"radar_msgs/msg/RadarScan"``.
         latched : bool
-            Its last message is for those who come later, too: settings (transient local).
+            Late subscribers get its last message, too: settings (transient local).
 
         See Also
         --------
@@ -142,7 +142,7 @@ class BagWriter:
             )
         if (known := self._connections.get(topic)) is not None:
             if known.msgtype != type:
-                raise ValueError(f"type: expected {known.msgtype}, that of the topic {topic!r}, got {type}")
+                raise ValueError(f"type: expected {known.msgtype} of the topic {topic!r}, got {type}")
             return
         options: dict[str, Any] = {"typestore": self.types}
         if latched:
@@ -160,12 +160,12 @@ class BagWriter:
         time_ns : int
             Time at which it is recorded [ns since 1970].
         type : str, optional
-            Default: that of the message (``__msgtype__``), or of the topic.
+            Default: from the message (``__msgtype__``) or the topic.
 
         Raises
         ------
         ValueError
-            For a field that is missing, another type than that of the topic, or a time that the format does not have.
+            For a missing field, a type other than the topic's, or a time outside of the format.
 
         See Also
         --------
@@ -190,7 +190,7 @@ class BagWriter:
         known = self._connections.get(topic)
         name = type or getattr(message, "__msgtype__", None) or (None if known is None else known.msgtype)
         if name is None:
-            raise ValueError(f"type: expected that of the message, got none for the topic {topic!r}")
+            raise ValueError(f"type: expected the type of the message, got none for the topic {topic!r}")
         self.add_topic(topic, name)
         if not isinstance(message, self.types.types[name]):
             message = typed(self.types, name, message)
@@ -299,7 +299,7 @@ def _own_files(folder: Path) -> list[Path]:
 
 
 def _transient_local() -> Any:
-    """Quality of service of a latched topic: the last message, delivered for certain, also to those who come later."""
+    """Quality of service of a latched topic: reliable delivery of the last message, also to late subscribers."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     forever = QosTime(2147483647, 4294967295)

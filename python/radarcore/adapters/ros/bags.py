@@ -248,7 +248,7 @@ class BagReader:
         Raises
         ------
         ValueError
-            When there is none: names those that there are; or when it has another type.
+            When there is none (the message lists the existing topics), or when it has another type.
 
         See Also
         --------
@@ -414,7 +414,7 @@ class BagReader:
             notice.warn(f"{self.path}: a bag that is cut or damaged: {what}")
 
     def _names(self, types: tuple[str, ...]) -> str:
-        """Names and types of the topics; those of some types first."""
+        """Names and types of the topics; some types first."""
         every = sorted(self.topics.values(), key=lambda topic: (topic.type not in types, topic.name))
         shown = [f"{topic.name} ({topic.type})" for topic in every[:_MOST_NAMES]]
         if len(every) > _MOST_NAMES:
@@ -456,7 +456,7 @@ def _part_of(path: Path) -> Path | None:
 
 
 def _files(path: Path) -> list[Path]:
-    """The files of a bag, the one that was recorded first in front."""
+    """The files of a bag in the order of recording."""
     if path.is_file():
         return [path]
     if (inner := _part_of(path)) is not None:

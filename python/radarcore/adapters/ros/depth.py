@@ -45,8 +45,8 @@ def from_ros_image(
         In place of `camera`, see `from_camera_info`. Publishers differ in the principal point by half a pixel, 0.13
         degrees at 256 pixels and 60 degrees.
     frame : {"optical", "link"}
-        Axes of the frame that the header names: an optical one (REP 103), or, for images that ``ros_gz`` bridges from
-        Gazebo without ``optical_frame_id``, those of the link, x forward.
+        Axes of the frame that the header names: an optical one (REP 103), or, for images bridged by
+        ``ros_gz`` from Gazebo without ``optical_frame_id``, the link, x forward.
     start_ns : int
         Stamp that counts as time 0 [ns].
 
@@ -108,7 +108,7 @@ def from_camera_info(message: Any, *, centered: bool = False, rectified: bool = 
 
     See Also
     --------
-    Camera : What comes back.
+    Camera : The result.
     adapters.ros.from_ros_image : Takes the message as `camera_info`.
 
     Examples

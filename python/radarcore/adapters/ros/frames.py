@@ -199,14 +199,14 @@ class FrameWriter:
         if stamp < 0:
             raise ValueError(f"frame.time: expected a time after 1970 by start_ns, got {frame.time:g} s")
         if self._last is not None and stamp <= self._last:
-            raise ValueError(f"frame.time: expected frames at least a nanosecond apart, got {frame.time:.15g} s")
+            raise ValueError(f"frame.time: expected at least a nanosecond between frames, got {frame.time:.15g} s")
         message = to_frame_message(frame, time_ns=stamp, source=self._source, types=self._bag.types)
         self._bag.write(self._topic, message, stamp)
         self._kind, self._last = kind_of(frame.cube, frame.truth), stamp
 
 
 def write_frames(bag: BagWriter, recording: Recording, *, topic: str = "/radar", start_ns: int = 0) -> None:
-    """Write a recording into a bag, frame by frame; parameters are those of `FrameWriter`.
+    """Write a recording into a bag, frame by frame; parameters as in `FrameWriter`.
 
     See Also
     --------

@@ -118,7 +118,7 @@ DEFINITIONS = {
 }
 """Definitions of messages that not every typestore has: radar_msgs 0.2.2, TF in ROS 1, MOCAP4ROS2, frames.
 
-For rosbags: ``store.register(get_types_from_msg(text, name))`` for those that are not in ``store.types``.
+For rosbags: ``store.register(get_types_from_msg(text, name))`` for names that ``store.types`` lacks.
 """
 
 

@@ -41,7 +41,7 @@ class TransformTree:
     messages : iterable of tf2_msgs/TFMessage
         Messages of ``/tf``, as for `pose_series`.
     static : iterable of tf2_msgs/TFMessage
-        Those of ``/tf_static``: the last one of a frame holds at all times, whatever ``/tf`` says of it.
+        Messages of ``/tf_static``: the last one of a frame holds at all times and overrides ``/tf``.
 
     Raises
     ------
@@ -169,7 +169,7 @@ class TransformTree:
     ) -> Motion:
         """Motion of a radar that sits at a camera's frame and looks where the camera looks.
 
-        `axes`: ``"optical"`` or ``"link"``, those of the camera's frame, see `radar_in_camera`; default: optical for a
+        axes: "optical" or "link", axes of the camera's frame, see radar_in_camera; default: optical for a
         name that ends in ``_optical_frame``. Others as in `motion`.
 
         See Also
@@ -329,7 +329,7 @@ class BagMotions:
         Raises
         ------
         ValueError
-            For a topic, frame or body that is not there: names those that are.
+            For a missing topic, frame or body; the message lists the existing ones.
 
         See Also
         --------

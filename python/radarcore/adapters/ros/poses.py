@@ -1,8 +1,8 @@
 """Poses and joint angles of ROS: single messages to poses and back, and series of messages to motions.
 
 Motion capture comes in such series: ``mocap_optitrack`` sends PoseStamped on ``NAME/pose``, ``natnet_ros_cpp`` on
-``/natnet_ros/NAME/pose``, MOCAP4ROS2 sends ``mocap4r2_msgs/RigidBodies``. Their world is not always the one that is
-meant, and some swap axes by the version of Motive: ``rc.Attached(world_from_mocap, series.trajectory())`` places them.
+``/natnet_ros/NAME/pose``, MOCAP4ROS2 sends ``mocap4r2_msgs/RigidBodies``. Some nodes use another world, or swap axes
+depending on the version of Motive: ``rc.Attached(world_from_mocap, series.trajectory())`` corrects them.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class PoseSeries:
 
         See Also
         --------
-        Trajectory : What comes back, and its options.
+        Trajectory : The result, and its options.
 
         Examples
         --------
@@ -145,7 +145,7 @@ class JointSeries:
 
         See Also
         --------
-        adapters.ros.PoseSeries.times : Those of poses.
+        adapters.ros.PoseSeries.times : Of poses.
 
         Examples
         --------
@@ -204,13 +204,13 @@ class SeriesRows:
     def __init__(self, name: str) -> None:
         self._name = name
         self._stamps: list[int] = []
-        self._received: list[int | None] = []
+        self._reception_times: list[int | None] = []
         self._rows: list[tuple[float, ...]] = []
 
     def add(self, stamp: int, received: int | None, numbers: tuple[float, ...]) -> None:
         """Add a pose (see `pose_numbers`) with its stamp and time of recording [ns]."""
         self._stamps.append(stamp)
-        self._received.append(received)
+        self._reception_times.append(received)
         self._rows.append(numbers)
 
     @property
@@ -222,7 +222,7 @@ class SeriesRows:
         """Poses that are finite and have a quaternion, at repaired times; an error without any."""
         chosen, maps = self._valid_maps()
         values = np.column_stack([maps[..., 3], maps[..., :3].reshape(-1, 9) / np.sqrt(2.0)])  # 1 m per rad
-        stamps, received = [self._stamps[k] for k in chosen], [self._received[k] for k in chosen]
+        stamps, received = [self._stamps[k] for k in chosen], [self._reception_times[k] for k in chosen]
         times, kept = message_times(self._name, stamps, received, values, "m/s")
         return PoseSeries(times, tuple(map(as_pose, maps[kept])), frame_id)
 

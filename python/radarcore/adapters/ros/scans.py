@@ -1,6 +1,6 @@
 """Detections to and from ``radar_msgs/RadarScan`` and ``sensor_msgs/PointCloud2``; maps to and from images.
 
-Frames are those of the radar: x forward, y left, z up (REP 103), angles positive to the left and up. Velocities are
+Frames follow the radar: x forward, y left, z up (REP 103), angles positive to the left and up. Velocities are
 range rates, receding positive; neither message says so itself, and other publishers may mean the opposite.
 """
 
@@ -38,7 +38,7 @@ def to_radar_scan(
     frame_id : str
         Frame of the radar.
     time_ns : int, optional
-        Stamp [ns]; default: that of the detections, the middle of their frame, to the nearest nanosecond.
+        Stamp [ns]; default: the middle of the frame of the detections, to the nearest nanosecond.
     types : optional
         Types of messages, see `radarcore.adapters.ros.messages`.
 
@@ -202,7 +202,7 @@ def from_point_cloud(
 
 
 def _detections(columns: NDArray[np.float64], message: Any, approaching_positive: bool, start_ns: int) -> Detections:
-    """Detections of columns (range, velocity, azimuth, elevation, snr_db), those with a range."""
+    """Detections with a range, from columns (range, velocity, azimuth, elevation, snr_db)."""
     time_ns = header_nanoseconds(message)
     if approaching_positive:
         columns[1] *= -1.0
