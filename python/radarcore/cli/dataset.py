@@ -19,7 +19,7 @@ from radarcore.dataset.store import STATUS
 from radarcore.table import Table
 
 _SHOWN = 3
-"""Failed samples that are told of; the others are in the dataset."""
+"""Most failed samples in a message; the dataset has the others."""
 
 Scene = Annotated[Path, Parameter(metavar="SCENE")]
 Folder = Annotated[Path, Parameter(metavar="DATASET")]

@@ -60,7 +60,7 @@ def given(**options: Any) -> dict[str, Any]:
 
 
 def one_of_several() -> Group:
-    """Group of options of which one may be given."""
+    """Group of mutually exclusive options."""
     return Group("", validator=_only_one)
 
 

@@ -60,7 +60,7 @@ class _Summary:
     farthest: float
 
     def add(self, frame: int, state: TrackState) -> None:
-        if state.is_detected:  # what it expects after that is no part of it if it ends so
+        if state.is_detected:  # the part after that is no expectation if it ends so
             self.last_frame, self.stop, self.hits = frame, state.time, state.num_hits
             self.nearest, self.farthest = min(self.nearest, state.range), max(self.farthest, state.range)
 
@@ -179,7 +179,7 @@ def _table(tracks: dict[int, _Summary]) -> Table:
 def _processed(
     reader: AnyReader, sequence: int, chosen: dict[str, Any], tracker: Tracker, *, removes: bool
 ) -> Iterator[tuple[int, Frame, Frame, Detections, Sequence[TrackState]]]:
-    """Index, frame, what was processed of it, detections and tracks of all frames, with a bar of the progress."""
+    """Index, frame, its processed part, detections and tracks of all frames, with a progress bar."""
     frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):

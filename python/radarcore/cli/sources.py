@@ -69,7 +69,7 @@ def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
 
 
 def only_radar(bag: BagReader) -> str:
-    """Topic of the only radar in a bag, or an error with those that there are."""
+    """Topic of the only radar in a bag, or an error that lists all radars."""
     found = [topic.name for topic in bag.topics.values() if topic.type == FRAME_TYPE]
     if not found:
         raise ValueError(f"{bag.path}: expected a bag with frames of a radar, got none; there are {_topics(bag)}")
@@ -116,7 +116,7 @@ def subtracts_mean(frames: AnyReader, chosen: bool | None) -> bool:
 
 
 def moving(frames: AnyReader) -> Iterator[Frame]:
-    """The frames without what stands still throughout: their mean over all chirps of the recording, taken off.
+    """The frames without static echoes: minus their mean over all chirps of the recording.
 
     Of an ADC's samples the offset of every chirp goes too, which differs a little from the next one's.
     """

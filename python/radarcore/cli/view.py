@@ -24,7 +24,7 @@ def run(
     overwrite: Overwrite = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
-    """Show every frame: what is there, what the radar sees of it, and what is detected and tracked.
+    """Show every frame: bodies, depth image, detections and tracks.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _of_scene(simulation: Simulation, viewer: Viewer) -> Iterator[Frame]:
 
 
 def _of_recording(reader: AnyReader, subtract_mean: bool | None) -> Iterator[Frame]:
-    """Frames of a recording, however long; those of a sensor without what stands still."""
+    """Frames of a recording of any length; of a sensor without static echoes."""
     frames = moving(reader) if subtracts_mean(reader, subtract_mean) else iter(reader)
     with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
         for frame in counted:

@@ -30,8 +30,8 @@ _SMALLEST_SHARE = 1e-9
 class _Interval:
     """Values from `low` to `high`.
 
-    Like all distributions it has the word for it in scene files (`kind`), the values that it may take and that all
-    others lie between (`ends`; those of a choice are all), and the value that a share of all draws lies below (`at`).
+    Like all distributions it has its word in scene files (`kind`), its extreme values (`ends`; for a choice all
+    values), and its quantiles (`at`).
     """
 
     low: Any

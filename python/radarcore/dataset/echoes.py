@@ -48,7 +48,7 @@ class Echo:
     amplitude : (channel, path) complex128
         [sqrt(W)].
     body : (path,) int32
-        Number in the scene; for several reflections that of the last.
+        Number in the scene; for several reflections of the last body.
     """
 
     delay: NDArray[np.float64]
@@ -61,7 +61,7 @@ class Echo:
         return self._select(np.isin(self.body, numbers))
 
     def of_each(self, owners: NDArray[np.intp]) -> list[tuple[int, Echo]]:
-        """Paths of each owner, who are given per body; owners without any are left out."""
+        """Paths of each owner, with owners given per body; owners without paths are left out."""
         owner = owners[self.body]
         return [(k, self._select(owner == k)) for k in np.unique(owner).tolist()]
 
@@ -73,7 +73,7 @@ class Echo:
 class Caster:
     """Casts of a simulator's scene at single times, with the settings of the simulator.
 
-    For a radar with one chirp the time of the rays and that of the paths are the same.
+    For a radar with one chirp rays and paths have the same time.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -188,7 +188,7 @@ def share(seen: Echo, alone: Echo, in_danger: NDArray[np.bool_], is_rough: NDArr
 
 
 def may_be_hidden(numbers: NDArray[np.intp], parts: Parts, boxes: Floats) -> NDArray[np.bool_]:
-    """True for those of some bodies whose box, seen from the radar, that of a body with a mesh beside them overlaps.
+    """True for bodies whose box, seen from the radar, overlaps the box of another body with a mesh.
 
     (body,), False for all other bodies of the scene.
     """
@@ -274,7 +274,7 @@ def strongest_bodies(echo: Echo, owners: NDArray[np.intp], radar: Radar) -> NDAr
 def map_power(echo: Echo, radar: Radar) -> NDArray[np.float64]:
     """Power of paths in the cells of the map, summed over the channels, (doppler, range) [W]."""
     wf = radar.waveform
-    # Velocities are those of the middle of the frame.
+    # Velocities hold for the middle of the frame.
     begin = radar.channel_offsets[:, None] - radar.middle
     samples = beat_signal(echo.delay + begin * echo.rate, echo.amplitude, wf, delay_rate=echo.rate)
     cells = range_doppler(np.ascontiguousarray(samples.real) if radar.is_real else samples, wf)

@@ -63,8 +63,8 @@ class Labels:
     Parameters
     ----------
     truth : bool
-        ``true_range``, ``true_velocity``, ``true_azimuth``, ``true_elevation``, (body,): those of `Truth`, of a person
-        or an arm that has one name those of its nearest visible part. NaN of what is not there or not visible.
+        ``true_range``, ``true_velocity``, ``true_azimuth``, ``true_elevation``, (body,): as in `Truth`; for a person or
+        an arm with one name of its nearest visible part. NaN of what is not there or not visible.
     boxes : bool
         ``box_center`` and ``box_size``, (body, xyz) [m]: the box around the vertices of its mesh, also while it
         deforms, along the axes of the sensor. NaN of what is not there.
@@ -83,7 +83,7 @@ class Labels:
     --------
     dataset.labels_of : The labels of a frame.
     dataset.dims_of : Their shapes.
-    Truth : What is true of bodies.
+    Truth : True positions and velocities of bodies.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def labels_of(
 
     See Also
     --------
-    dataset.Labels : What each of them is.
+    dataset.Labels : Meaning of each label.
     dataset.dims_of : Their shapes.
     Simulator.frame : Makes a frame.
 
@@ -325,7 +325,7 @@ class _Labeller:
         """Truth of the nearest visible body of every label."""
         truth = frame.truth
         if truth is None or truth.names != self._scene.names:
-            got = "none" if truth is None else ", ".join(truth.names) or "that of no body"
+            got = "none" if truth is None else ", ".join(truth.names) or "no body"
             raise ValueError(f"frame: expected the truth of the simulator's bodies, got {got}")
         rows = np.array([getattr(truth, name) for name in TRUTH_FIELDS])
         labels = np.full((len(TRUTH_FIELDS), len(self._members)), np.nan)
@@ -357,7 +357,7 @@ def _checked_names(body_names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _members_of(names: tuple[str, ...], scene_names: tuple[str, ...]) -> Members:
-    """Bodies that each name stands for: the one of that name, or all ``NAME/part`` of a person, an arm, a mesh file."""
+    """Bodies of each name: the body with that name, or all ``NAME/part`` of a person, an arm, a mesh file."""
     members = tuple(
         np.array([i for i, other in enumerate(scene_names) if other == name or other.startswith(f"{name}/")], np.intp)
         for name in names
@@ -373,7 +373,7 @@ def _members_of(names: tuple[str, ...], scene_names: tuple[str, ...]) -> Members
 
 
 def _owners_of(members: Members, num_bodies: int) -> NDArray[np.intp]:
-    """Label of every body of the scene, (body,): of several that it has, the one that stands for the fewest."""
+    """Label of every body of the scene, (body,): of several, the label with the fewest bodies."""
     owners = np.zeros(num_bodies, dtype=np.intp)
     for label in sorted(range(len(members)), key=lambda label: -len(members[label])):
         owners[members[label]] = label
@@ -419,12 +419,12 @@ class _Places:
 def _boxes_of(parts: Parts, placed: _Placed) -> Floats:
     """Lowest and highest corner of every body of the scene in the sensor frame, (body, 2, 3) [m].
 
-    Of the vertices where they are at that time, those of bodies that deform too: exact for flat facets. A point
+    Of the vertices at that time, also of deforming bodies: exact for flat facets. A point
     target's box is the point.
     """
     boxes = np.empty((len(parts.meshed) + len(parts.point_numbers), 2, 3))
     for mesh, (number, pose) in enumerate(zip(parts.mesh_numbers, placed.meshes, strict=True)):
-        # One row per axis: the extremes of rows are found several times faster than those of columns.
+        # One row per axis: the extremes of rows are several times faster than of columns.
         axes = pose[:, :3] @ parts.vertices_at(mesh, placed.time).T
         boxes[number] = axes.min(axis=1, initial=np.inf), axes.max(axis=1, initial=-np.inf)
         boxes[number] += pose[:, 3]

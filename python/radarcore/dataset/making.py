@@ -78,7 +78,7 @@ def make(
     seed : int
         Seed of all draws.
     workers : int, optional
-        Processes of this machine, each with one thread if there are as many samples as cores; 1: this process.
+        Processes of this machine, each with one thread if there are enough samples for all cores; 1: this process.
         Default: one per core.
     executor : Executor, optional
         Executor of `concurrent.futures`, in place of processes of this machine. All its workers must reach `path`.
@@ -88,7 +88,7 @@ def make(
         Labels of every frame; default: the truth of every body.
     samples_per_shard : int, optional
         Consecutive samples in one file per variable, which are one piece of work. Default: at most 32 MB, and at least
-        64 shards if there are as many samples.
+        64 shards if there are enough samples.
     progress : bool
         Show a progress bar when run in a terminal.
 
@@ -112,8 +112,8 @@ def make(
 
     See Also
     --------
-    Variation : What a scene that varies is.
-    Labels : What may be known of frames.
+    Variation : A varied scene.
+    Labels : Possible labels of frames.
     open_dataset : Opens what is there.
     verify : Checks it.
 
@@ -256,7 +256,7 @@ def _made(
                 yield future.result()
         except (BrokenExecutor, CancelledError) as error:
             raise ChildProcessError(
-                "a worker was lost (killed, or out of memory); complete shards stay, resume=True goes on with the rest"
+                "a worker was lost (killed, or out of memory); complete shards stay; resume=True continues the rest"
             ) from error
         finally:
             running = [future for future in futures if not future.cancel()]
@@ -313,7 +313,7 @@ def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
         what = "a directory that is not empty and no dataset" if target.is_dir() else "a file, not a directory"
         raise already_exists(target, what)
     if not resume:
-        raise already_exists(target, "a dataset; resume=True goes on with it")
+        raise already_exists(target, "a dataset; resume=True continues it")
     opened(target)  # refuses a damaged one
     settings: dict[str, Any] = json.loads(attrs["settings"])
     return settings

@@ -46,8 +46,8 @@ class Failed:
 class Dataset:
     """Frames of many samples with their labels, on disk.
 
-    An index gives a sample as a dictionary of arrays without the axis `sample`; iteration gives those that are there,
-    in order. Whatever reads Zarr, such as ``xarray.open_zarr``, reads the directory as well.
+    An index gives a sample as a dictionary of arrays without the axis `sample`; iteration gives the stored samples, in
+    order. Whatever reads Zarr, such as ``xarray.open_zarr``, reads the directory as well.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class Dataset:
 
         See Also
         --------
-        dataset.Frames : What it returns.
+        dataset.Frames : The result.
         dataset.stream : Frames that are simulated when they are asked for.
 
         Examples
@@ -208,7 +208,7 @@ class Dataset:
 
     @property
     def has_codes(self) -> bool:
-        """True where codes of an ADC are stored, of which `cube` makes samples."""
+        """True if codes of an ADC are stored; `cube` converts them to samples."""
         return bool(self._arrays["cube"].dtype == np.uint16)
 
     @property
@@ -303,7 +303,7 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     See Also
     --------
     make : Makes it.
-    Dataset : What it returns.
+    Dataset : The result.
 
     Examples
     --------
@@ -388,7 +388,7 @@ def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) 
     See Also
     --------
     make : Makes a dataset, and completes one.
-    dataset.Verified : What it returns.
+    dataset.Verified : The result.
 
     Examples
     --------

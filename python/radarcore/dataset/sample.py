@@ -40,7 +40,7 @@ class Sample:
     Attributes
     ----------
     index, seed : int
-        Number of the sample, and that of the series.
+        Number of the sample, and of the series.
     values : mapping of str to value
         What was drawn, by the paths of `Variation.parameters`; of a choice of tables or lists the number of the
         option. Parameters of copies, or within options, that this sample does not have are missing.
@@ -50,7 +50,7 @@ class Sample:
     See Also
     --------
     dataset.Variation : Draws it.
-    Simulation : What it makes.
+    Simulation : The result.
 
     Examples
     --------
@@ -194,7 +194,7 @@ class Sample:
 
 
 def _entry(path: str) -> str:
-    """Name of the entry that a value belongs to, in quotes as messages have it; that of the table, if it has none."""
+    """Name of the entry of a value, in quotes as in messages; the name of the table, if it has none."""
     first, second, *_ = [*path.split(".", 2), ""]
     return first if first in ("radar", "sensor", "run") else repr(second)
 
@@ -222,7 +222,7 @@ def renamed(values: Any, name_of: Callable[[str, bool], str], key: str = "") -> 
 def digests_of(scene: Path) -> dict[str, str]:
     """SHA-256 of every file that a scene file names, by its name there.
 
-    What such files name in turn, as models of arms name meshes, is not among them.
+    Files named by these files, such as meshes of arm models, are not included.
     """
     return {name: _digest(scene.parent / name) for name in _files_of(scene)}
 
@@ -274,7 +274,7 @@ def _copy(name: str, digest: str) -> str:
 def toml_text(values: Mapping[str, object]) -> str:
     """Text that reads back as the same tables: numbers to the last bit, keys in their order.
 
-    Tables of the top level, and arrays of them, have headers; what they hold stands in line.
+    Tables of the top level, and arrays of them, have headers; their contents are inline.
     """
     return "\n".join(_lines(values))
 

@@ -63,7 +63,7 @@ _SHARD_BYTES = 1 << 25
 """Largest size of a shard of more than one sample [bytes]."""
 
 _SHARDS, _MAX_SAMPLES = 64, 1024
-"""Smallest number of shards, if there are as many samples, and largest number of samples in a shard."""
+"""Smallest number of shards, if there are enough samples, and largest number of samples in a shard."""
 
 _AXES = {"doppler": "velocity"}
 """Axes of labels that a dataset calls by the name of their coordinate."""
@@ -328,7 +328,7 @@ def create(path: Path, layout: Layout, coordinates: dict[str, Coordinate], attrs
     check_folder_name(path)
     with PartFolder(path) as part:
         if path.exists() and not (path.is_dir() and is_empty(path)):
-            raise already_exists(path, "a dataset that another process has made meanwhile; resume=True goes on with it")
+            raise already_exists(path, "a dataset that another process has made meanwhile; resume=True continues it")
         partial = part.folder / path.name
         group = zarr().create_group(partial, attributes=attrs)
         for name, variable in layout.variables.items():

@@ -39,8 +39,8 @@ class Frames:
     """Frames of samples with their labels: a sequence for training.
 
     `Dataset.frames` reads them from a dataset, `stream` simulates them when they are asked for. An item is a pair of an
-    array and a dictionary of labels: ``sample``, ``frame``, ``time``, what was drawn, by the paths of the parameters,
-    and the labels of the bodies. ``torch.utils.data.DataLoader`` takes it as it is, shuffled and with workers.
+    array and a dictionary of labels: sample, frame, time, the drawn values by the paths of the parameters, and the
+    labels of the bodies. ``torch.utils.data.DataLoader`` takes it as it is, shuffled and with workers.
 
     Iteration goes sample by sample, and leaves out samples that cannot be simulated, with one warning of each kind; an
     index of one is an error.
@@ -164,9 +164,9 @@ def stream(
 
     See Also
     --------
-    dataset.Frames : What it returns.
+    dataset.Frames : The result.
     dataset.Dataset.frames : Frames of a stored dataset.
-    dataset.Variation : What distributions there are.
+    dataset.Variation : The distributions.
 
     Examples
     --------

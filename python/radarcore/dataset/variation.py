@@ -35,7 +35,7 @@ _FIXED = {
 """Keys of the radar that are the same in all samples, and what they decide."""
 
 _OF_ANGLES = ("azimuth_deg", "elevation_deg", "phases_deg")
-"""Keys of a schedule that decide neither shape nor axes."""
+"""Keys of a schedule without effect on shape and axes."""
 
 _SEED_PATH = "run.seed"
 _NUM_SEEDS = 2**53
@@ -44,7 +44,7 @@ _OF_NAMES = ("model", "meshes", "materials", "shape", "path")
 """Keys whose choices change the names of bodies."""
 
 _TRIED_SAMPLES = 20
-"""Samples of which one has to be possible."""
+"""Number of first samples; one of them must be possible."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Repeated:
-    """An entry of an array of tables that comes in copies: their number, and as many of them as there may be."""
+    """An entry of an array of tables with copies: their number, and the largest possible number of them."""
 
     count: int | Varied
     copies: list[dict[str, Any]]
@@ -211,8 +211,8 @@ class Parameter:
     Attributes
     ----------
     path : str
-        Its place: array, name and keys, such as ``human.person 0.speed`` or ``body.box.pose.position[0]``. What
-        stands in option 2 of a choice has the path of the choice with ``{2}`` behind it.
+        Its place: array, name and keys, such as ``human.person 0.speed`` or ``body.box.pose.position[0]``. Values
+        within option 2 of a choice have the path of the choice with ``{2}`` appended.
     kind : str
         ``"uniform"``, ``"normal"``, ``"log_uniform"``, ``"integers"`` or ``"choice"``.
     ends : tuple
@@ -267,11 +267,11 @@ class Variation:
     path : Path
         The scene file.
     parameters : tuple of Parameter
-        What varies, in the order of the file; of copies as many as there may be.
+        Varied values in the order of the file, with the largest number of copies.
     body_names : tuple of str
         Names of all bodies that may occur, in the order of scenes.
     run : RunTable
-        Times of the frames: `start`, `stop` and `rate` are those of all samples.
+        Times of the frames: start, stop and rate hold for all samples.
 
     See Also
     --------
@@ -423,7 +423,7 @@ class _Trials:
         self._names, self.run, self._radar = possible.scene.names, possible.run, possible.radar
 
     def _possible(self) -> Simulation:
-        """The first sample that is possible, with as many copies as there may be."""
+        """The first possible sample, with the largest number of copies."""
         errors: list[ValueError] = []
         for index in range(_TRIED_SAMPLES):
             self._index = index
@@ -432,12 +432,12 @@ class _Trials:
             except ValueError as error:
                 errors.append(error)
         cause = errors[0].__cause__
-        # What is wrong whatever is drawn is a fault of the file, not of a sample.
+        # A mistake for all draws is a fault of the file, not of a sample.
         is_of_file = len({str(error.__cause__) for error in errors}) == 1 or "; drawn: " not in str(errors[0])
         raise errors[0] if cause is None or not is_of_file else cause
 
     def _sample(self, forced: Mapping[str, int], most_copies: int | None = None) -> Sample:
-        """A sample with as many copies as there may be, or fewer, and at some paths an end, by its number."""
+        """A sample with the largest number of copies, or fewer, and at some paths an extreme value, by its number."""
 
         def pick(value: Varied) -> tuple[Any, int | None]:
             if value.path in forced:
@@ -496,7 +496,7 @@ def _shape_of(radar: Radar) -> tuple[int, int, int, bool]:
 
 
 def _values(distribution: Distribution) -> tuple[Any, ...]:
-    """Ends of a distribution, and all options of a choice, those of no weight too."""
+    """Ends of a distribution, and all options of a choice, also without weight."""
     return tuple(distribution.values) if isinstance(distribution, Choice) else distribution.ends
 
 

@@ -49,8 +49,8 @@ def scene_from_above(
 ) -> Axes:
     """Floor plan: x to the right, y up [m]; the sensor with its field of view at the last of the times.
 
-    Bodies are their convex outlines. What stands still is grey, what moves is drawn at each of the times, the
-    later the stronger, on its trail. A body around the sensor (a room, the floor) is a line only. Interferers are empty
+    Bodies are their convex outlines. Static bodies are grey; moving bodies are drawn at each of the times, later times
+    stronger, on their trails. A body around the sensor (a room, the floor) is a line only. Interferers are empty
     squares, at the last of the times.
 
     Parameters
@@ -61,7 +61,7 @@ def scene_from_above(
     times : (time,) array_like
         When to draw what moves [s].
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     field_of_view_deg : (float, float), optional
         Horizontal and vertical angle of view [degrees], such as `Simulator.view_deg`; default: not drawn.
     colors : dict, optional
@@ -100,7 +100,7 @@ def tracks_from_above(
     tracks : Tracks
         With positions: of detections that have an azimuth.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     truth : Truth, optional
         Arrays (frame, body) of the frames of the tracks.
     colors : dict, optional
@@ -143,7 +143,7 @@ def tracks_from_above(
 
 
 def scene_colors(scene: Scene, times: ArrayLike, first: Iterable[str] = ()) -> dict[str, str]:
-    """Colours by name: those that come first, then what moves between the times [s], while there are colours left.
+    """Colours by name: the given names first, then bodies that move between the times [s], while colours remain.
 
     The parts of one thing, such as the links of an arm, have one colour.
     """
@@ -246,7 +246,7 @@ def _draw_view(ax: Axes, sensor: Pose, horizontal_deg: float) -> None:
     lines = Polygon([corners[1], corners[0], corners[2]], closed=False, fill=False, edgecolor="#8a7f00", linewidth=0.9)
     lines.set_zorder(1.1)
     for patch in (wedge, lines):
-        ax.add_artist(patch)  # not add_patch: the limits are those of the scene
+        ax.add_artist(patch)  # not add_patch: the scene sets the limits
 
 
 def _finish(ax: Axes) -> None:
@@ -277,7 +277,7 @@ def _corners(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     return np.asarray(vertices[used_by(body.mesh.triangles, len(vertices))])
 
 
-def _placed(body: Body | PointTarget, times: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moved(body: Body | PointTarget, times: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of a body in its own coordinates at several times, (time, n, 3), in the world [m]."""
     maps = poses_at(motion_of(body), times)  # at once: of a person, time by time takes far longer
     return np.asarray(points @ maps[:, :, :3].swapaxes(1, 2) + maps[:, None, :, 3])
@@ -309,12 +309,12 @@ def _bounds(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.
 
 def _trail(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """The middle of a body on the floor at several times, (time, 2) [m]."""
-    return _placed(body, times, _bounds(body, times).mean(axis=1, keepdims=True))[:, 0, :2]
+    return _moved(body, times, _bounds(body, times).mean(axis=1, keepdims=True))[:, 0, :2]
 
 
 def _moves(body: Body | PointTarget, times: NDArray[np.float64]) -> bool:
     """True when a corner of the body's bounds leaves its place."""
-    return bool((np.ptp(_placed(body, times, _bounds(body, times)), axis=0) > _STILL).any())
+    return bool((np.ptp(_moved(body, times, _bounds(body, times)), axis=0) > _STILL).any())
 
 
 def _extent(body: Body | PointTarget, time: float) -> float:

@@ -54,7 +54,7 @@ def range_angle_map(
     ----------
     frame : Frame
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     method, elevation, num_sources, channel_phase
         As in `radarcore.range_angle`; one elevation [rad].
     field_of_view_deg : float
@@ -125,7 +125,7 @@ def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> 
     ----------
     radar : Radar
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     unit : "mm" or "wavelengths"
 
     See Also
@@ -170,7 +170,7 @@ def antenna_pattern(
     antenna : Radar or pattern
         Of a radar the patterns of all elements, each once.
     ax : matplotlib Axes, optional
-        Polar or Cartesian; default: those of a new figure.
+        Polar or Cartesian; default: axes of a new figure.
     polar : bool
         Of a new figure: polar, 0 on top, positive angles to the left.
     dynamic_range_db : float
@@ -221,7 +221,7 @@ def array_pattern(
     ----------
     radar : Radar
     ax : matplotlib Axes, optional
-        Polar or Cartesian; default: those of a new figure.
+        Polar or Cartesian; default: axes of a new figure.
     steer : float or (float, float), optional
         Azimuth, or azimuth and elevation, to steer to [rad]; the cut goes through there. Default: not steered.
     cut : "azimuth" or "elevation"
@@ -291,7 +291,7 @@ def rcs(
     rcs_m2 : (direction,) array_like
         As `radarcore.rcs` gives it [m^2].
     ax : matplotlib Axes, optional
-        Polar or Cartesian, of an earlier call too; default: those of a new figure.
+        Polar or Cartesian, of an earlier call too; default: axes of a new figure.
     polar : bool
         Of a new figure.
     label : str, optional

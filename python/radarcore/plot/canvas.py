@@ -1,4 +1,4 @@
-"""Canvas of all pictures: figures, colours, names that keep apart, and levels in decibels."""
+"""Canvas of all pictures: figures, colours, names without overlap, and levels in decibels."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MISS = "0.82"
 """Grey of pixels without a value."""
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Colours that stay apart for colour-blind eyes (Okabe and Ito, Color Universal Design, 2008)."""
+"""Colours that colour-blind readers can distinguish (Okabe and Ito, Color Universal Design, 2008)."""
 
 GREY = "0.45"
 """Colour of what needs none."""
@@ -329,6 +329,6 @@ def padded(length: int) -> int:
 
 
 def edges(centres: Floats, width: float) -> tuple[float, float]:
-    """Outer edges of equal cells; `width` is that of a single one."""
+    """Outer edges of equal cells; `width` is the width of a single cell."""
     half = 0.5 * (centres[1] - centres[0] if len(centres) > 1 else width)
     return float(centres[0] - half), float(centres[-1] + half)

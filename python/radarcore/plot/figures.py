@@ -130,11 +130,11 @@ def experiment(
     estimates : dict, optional
         Tracks by name, as in `tracks`; default: the truth alone.
     field_of_view_deg : (float, float), optional
-        Horizontal and vertical angle of view [degrees]; default: that of the simulation that was recorded, if any.
+        Horizontal and vertical angle of view [degrees]; default: from the recorded simulation, if any.
     max_range : float, optional
         End of the range axis of the map [m]; default: the largest unambiguous range.
     window_length : int, optional
-        Chirps per column of the spectrogram; default: those of a frame.
+        Chirps per column of the spectrogram; default: a frame.
     subtract_mean : bool
         Leave out of the spectrogram what stands still throughout.
     path : path, optional

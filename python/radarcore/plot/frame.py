@@ -64,7 +64,7 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
     ----------
     image : DepthImage
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
     See Also
     --------
     Simulator.depth_image : The numbers.
-    plot.reflectance_image : What surfaces return.
+    plot.reflectance_image : Reflectance of surfaces.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     channel, chirp : int
         Indices of the chirp; negative numbers count from the end.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
 
     See Also
     --------
@@ -165,7 +165,7 @@ def range_profile(
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over range, averaged over chirps, in decibels as those of `range_doppler_map`.
+    """Power over range, averaged over chirps, in decibels as in `range_doppler_map`.
 
     Parameters as `range_doppler_map`.
 
@@ -222,7 +222,7 @@ def range_doppler_map(
     channel : int, optional
         One channel; default: the powers of all, added.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     detections : Detections, optional
         Detections of the frame, see `radarcore.detect`.
     dynamic_range_db : float, optional

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _Floats = NDArray[np.float64]
 
 _MOST_APART = 8
-"""Tracks that are told apart by their colours."""
+"""Largest number of tracks with distinct colours."""
 
 QUANTITIES = {"range": ("Range [m]", "range_resolution"), "velocity": ("Velocity [m/s]", "velocity_resolution")}
 """Quantities that `tracks` draws: label, and the attribute of `Waveform` that is one bin."""
@@ -50,7 +50,7 @@ def range_time(
     recording : Recording
         At least one frame.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     channel : int, optional
         One channel; default: the powers of all, added.
     names : sequence of str, optional
@@ -109,7 +109,7 @@ def spectrogram(
     recording : Recording
         At least one frame; its chirps must follow each other at equal intervals within a frame.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     channel, window_length, overlap, min_range, max_range, subtract_mean
         As in `radarcore.processing.spectra.time_frequency`.
     names : sequence of str
@@ -170,7 +170,7 @@ def tracks(
     Parameters
     ----------
     recording : Recording
-        At least one frame; its truth is that of the middle of every frame.
+        At least one frame; its truth holds for the middle of every frame.
     estimates : dict or Tracks
         By the name of a body (or any other: dots without truth), a dict or an object with arrays `time` [s],
         `range` [m] and `velocity` [m/s, receding positive], (estimate,); NaN where there is none. Without any
@@ -178,7 +178,7 @@ def tracks(
         grey, whose names are at the lines, with open circles where a frame had no detection; each is named for the
         body that it follows, if any. The parts of a person or arm share a name.
     ax : matplotlib Axes, optional
-        Default: those of a new figure.
+        Default: axes of a new figure.
     quantity : "range" or "velocity"
     colors : dict, optional
         Colours by name; default: in turn.
@@ -236,7 +236,7 @@ def draw_estimates(
 
 
 def add_legends(*axes: Axes) -> None:
-    """Legends at the top of axes of one figure, in as many columns as fit, above all that is drawn."""
+    """Legends at the top of axes of one figure, in the most columns that fit, above all drawn objects."""
     shown = [ax for ax in axes if ax.get_legend_handles_labels()[0]]
     for ax in shown:
         ax.margins(y=0.08)
@@ -365,7 +365,7 @@ def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[s
 
 
 def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, _Floats]:
-    """Truth by name, (frame,); those that were never visible are left out."""
+    """Truth by name, (frame,), without bodies that were never visible."""
     if recording.truth is None:
         if names:
             raise ValueError("names: expected none, because the recording has no truth")
@@ -403,7 +403,7 @@ def _errors(time: _Floats, values: _Floats, truth_time: _Floats, truth: _Floats)
 
 
 def _add_legend(ax: Axes, dpi: float) -> None:
-    """Legend in as many columns as fit, with room for it above all that is drawn."""
+    """Legend in the most columns that fit, with room for it above all drawn objects."""
     view = ax.get_window_extent()
     for num_columns in range(min(4, len(ax.get_legend_handles_labels()[1])), 0, -1):
         legend = ax.legend(

@@ -45,7 +45,7 @@ class Simulation:
     See Also
     --------
     load_scene : Makes it.
-    Simulator : What it runs.
+    Simulator : The simulator behind it.
 
     Examples
     --------
@@ -74,14 +74,14 @@ class Simulation:
         threads: int | None = None,
         source: dict[str, Any] | None = None,
     ) -> Recording:
-        """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`.
+        """Simulate the run; parameters as in `Simulator` and `Simulator.record`.
 
         Warns of a scene without bodies, whose recording has no echoes.
 
         See Also
         --------
-        Simulator.record : What it calls.
-        Recording : What it returns.
+        Simulator.record : Called by it.
+        Recording : The result.
 
         Examples
         --------
@@ -118,11 +118,11 @@ def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -
     FileNotFoundError
         When the file, or a mesh it names, does not exist.
     ValueError
-        One line per fault, each naming file and key, what was expected and what came.
+        One line per fault, with file and key, the expected and the given value.
 
     See Also
     --------
-    Simulation : What it returns.
+    Simulation : The result.
     load_radar : The radar alone.
     Scene : Scene in Python.
 
@@ -141,7 +141,7 @@ def load_radar(path: str | PathLike[str]) -> Radar:
     Parameters
     ----------
     path : path
-        TOML, of which only the table ``[radar]`` counts; JSON: that of a recording, what `Radar.to_dict` gives,
+        TOML: only the table ``[radar]`` counts; JSON: of a recording, of `Radar.to_dict`,
         ``config.json`` of Infineon's tools, ``.mmwave.json`` or ``.setup.json`` of TI's mmWave Studio; or the commands
         for the demo of TI's SDK, ``.cfg``; or the radar of a recording, a folder or ``.npz``.
 

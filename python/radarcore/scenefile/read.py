@@ -123,7 +123,7 @@ def _at(values: object, part: str | int) -> object:
 
 
 def _path_of(location: Location, is_missing: bool, values: object) -> Location:
-    """Keys and indices of a pydantic location, which also has names of types: what the file itself does not have."""
+    """Keys and indices of a pydantic location, without the names of types, which the file lacks."""
     path = list[str | int]()
     for number, part in enumerate(location):
         is_last = number == len(location) - 1
@@ -134,7 +134,7 @@ def _path_of(location: Location, is_missing: bool, values: object) -> Location:
 
 
 class _Fault(NamedTuple):
-    """Fault at a place of the file: the value that was expected there and the one that came, or a message."""
+    """Fault at a place of the file: the expected and the given value, or a message."""
 
     path: Location
     expected: str = ""
@@ -173,7 +173,7 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
     for path, fault in faults.items():
         if fault.got == "none" and path[:-1] in misspelt:
             continue  # missing, as its name is wrong
-        # For a union of types the fault inside says more than that of the whole.
+        # For a union of types the fault inside says more than the outer one.
         if any(path == other[: len(path)] for other in faults if len(other) > len(path)):
             continue
         place = path[:-1] if path[:-1] in misspelt and fault.message else path
@@ -193,7 +193,7 @@ def _fault(details: Any, values: dict[str, Any]) -> _Fault:
         is_distribution = check.near(name, DISTRIBUTIONS) and not check.near(name, at.known)
         return _Fault(path, message=f"unknown key {unknown(name, DISTRIBUTIONS if is_distribution else at.known)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        # The place is the table; what is wrong is its kind.
+        # The place is the table; its kind is wrong.
         kinds = ", ".join(repr(kind_of(table)) for table in at.tables)
         return _Fault((*path, "kind"), f"one of {kinds}", got=repr(context["tag"]) if "tag" in context else "none")
     if kind == "value_error":  # of a record of settings, about one of its keys

@@ -48,7 +48,7 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "; required"
     if isinstance(field.default, BaseModel) or "default: " in (field.description or ""):
-        return ""  # that of its keys; or said already
+        return ""  # the text of its keys; or said already
     return f"; default: {json.dumps(field.default) if field.default not in (None, []) else 'none'}"
 
 

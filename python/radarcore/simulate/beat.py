@@ -48,8 +48,8 @@ def beat_signal(
         Two-way delay [s] at the start of the frame; with three axes the delays at ``waveform.delay_times(num_nodes)``,
         for any motion.
     amplitude : (path,), (channel, path) or (node, channel, path) array_like of complex
-        Amplitude without the phase of propagation [sqrt(W)]. With three axes: together with delays at nodes, at as many
-        nodes as it has itself.
+        Amplitude without the phase of propagation [sqrt(W)]. With three axes: together with delays at nodes, at its own
+        number of nodes.
     waveform : Waveform
     delay_rate, delay_acceleration : like `delay`, optional
         First and second derivative of the delay [s/s], [s/s^2]; not with nodal delays.

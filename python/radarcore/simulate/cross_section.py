@@ -32,8 +32,8 @@ def rcs(
 ) -> NDArray[np.float64]:
     """Far-field radar cross-sections of a mesh, a body or a scene.
 
-    By physical optics after up to `max_bounces` reflections, docs/theory.md eqs. (7) to (9), with a plane wave: neither
-    edges nor creeping waves. Rough surfaces add the power that they scatter, in the mean over their speckle.
+    By physical optics after up to `max_bounces` reflections, docs/theory.md eqs. (7) to (9), with a plane wave, without
+    edges and creeping waves. Rough surfaces add the power that they scatter, in the mean over their speckle.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def rcs(
     polarization : "vertical", "horizontal" or (3,) array_like, optional
         Direction of the field of both antennas: "vertical" is the z axis of the radar, "horizontal" its y axis, where
         the radar looks upright at the object, as by `Pose.look_at` (from above or below, along z, with its y axis along
-        y); or a unit vector in the axes of the object. Of every ray the direction across it. None: what materials
-        reflect is averaged over polarisations.
+        y); or a unit vector in the axes of the object. Of every ray the direction across it. None: reflections are
+        averaged over polarisations.
     time : float
         Time of a scene, or of a body that deforms [s].
     threads : int, optional
@@ -66,8 +66,8 @@ def rcs(
     Returns
     -------
     sigma : float64
-        Cross-sections [m^2], in the shape of the directions, (direction,) or that of the angles; for an array of
-        frequencies with an axis for these at the end.
+        Cross-sections [m^2], in the shape of the directions, (direction,), or of the angles; an array of frequencies
+        adds an axis at the end.
 
     See Also
     --------
@@ -78,13 +78,13 @@ def rcs(
 
     Notes
     -----
-    It is the far field: that of distances beyond ``2 D**2 / wavelength``, D the extent of the object. `Simulator` has
+    It is the far field: distances beyond ``2 D**2 / wavelength`` for an object of extent D. `Simulator` has
     echoes from nearer, too.
 
-    It is physical optics. What is missing is the diffraction of edges beyond that of the aperture, and creeping waves;
-    nothing passes through surfaces. A thin wire, a sharp edge seen along its face, a shadow side, and a body smaller
-    than a few wavelengths return something else in reality. An exact sphere of radius a differs by about
-    ``1 / (2 k a)``, 1 % for 4 cm at 60 GHz.
+    It is physical optics. Edge diffraction beyond the rim of the aperture and creeping waves are missing; nothing
+    passes through surfaces. A thin wire, a sharp edge seen along its face, a shadow side, and a body smaller than a few
+    wavelengths return something else in reality. An exact sphere of radius a differs by about ``1 / (2 k a)``, 1 % for
+    4 cm at 60 GHz.
 
     More than `max_bounces` reflections are left out: a dihedral takes two, a trihedral three. All of a path are
     specular.

@@ -110,7 +110,7 @@ def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
     """Samples that arrive at the receivers, (channel, chirp, sample), in the precision of the cube.
 
     `cube`: (TX-RX pair, ramp, sample), every transmitter received by itself in all of the `ramps_of` a radar. With
-    phase noise there are several such blocks, and as many of the result, one after the other.
+    phase noise there are several such blocks, and one result block for each, in order.
     """
     num_tx, num_rx, waveform = len(radar.tx), len(radar.rx), radar.waveform
     pairs = cube.reshape(-1, num_tx, num_rx, cube.shape[1], waveform.num_samples)

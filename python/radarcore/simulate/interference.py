@@ -1,4 +1,4 @@
-"""Other radars of a scene at the receivers of ours: where they are, what they send, how it arrives."""
+"""Other radars of a scene at the receivers of ours: their positions, signals and arrivals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CLEARANCE = 1e-3
 """Smallest distance of an antenna of an interferer from ours [m]."""
 
 _LONGEST_DELAY = 1e-4
-"""Longest delay of a path [s], that of 30 km."""
+"""Longest delay of a path [s]: 30 km."""
 
 _SHORTEST = 1e-6
 """Shortest time over which delays are taken as linear [s]."""
@@ -95,10 +95,12 @@ class Interference:
         begin = -self._low_pass.settling_time - _LONGEST_DELAY
         starts, frame, chirp = chirps_between(interferer, begin, end, start)
         if wf.is_cw:
-            phases = wf.start_frequency * clock * starts + _turns(self._seed, number, np.zeros(1, dtype=np.int64))
+            phases = wf.start_frequency * clock * starts + _random_turns(
+                self._seed, number, np.zeros(1, dtype=np.int64)
+            )
         else:
             anew = chirp if interferer.start_phase == "chirp" else np.zeros_like(chirp)
-            phases = _turns(self._seed, number, frame, anew)
+            phases = _random_turns(self._seed, number, frame, anew)
         return Chirps(
             starts=starts,
             phases=phases % 1.0,
@@ -133,7 +135,7 @@ class Interference:
         amplitude[..., self._is_hidden(interferer, engine, start + 0.5 * ours.waveform.duration)] = 0.0
 
         delay = distance / SPEED_OF_LIGHT
-        # Absolute times are rounded: what lies between them is not quite the span.
+        # Absolute times are rounded: their difference is not exactly the span.
         rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
         delays, rates, amplitudes = (  # (offset, rx, tx, chirp)
             np.moveaxis(values.reshape(*self._starts.shape, *values.shape[1:]), 1, -1)
@@ -150,7 +152,7 @@ class Interference:
 
 
 def counted(parts: list[Counts]) -> Counts:
-    """Counts of a frame from those of its sub-sequences: all chirps, the mean of the powers, and the strongest."""
+    """Counts of a frame from the counts of its sub-sequences: all chirps, the mean of the powers, and the strongest."""
     return parts[0] | {
         "chirps_hit": sum(part["chirps_hit"] for part in parts),
         "interference_power": float(np.mean([part["interference_power"] for part in parts])),
@@ -183,7 +185,7 @@ def _match(ours: Radar, other: Radar, sensor: Floats, sender: Floats, to_tx: Flo
     return match
 
 
-def _turns(seed: int, *counters: Any) -> Floats:
+def _random_turns(seed: int, *counters: Any) -> Floats:
     """Random phases [turns] that belong to a seed and to counters."""
     state, step = np.array([seed], dtype=np.uint64), np.uint64(GOLDEN)
     for counter in counters:

@@ -21,7 +21,7 @@ class Paths:
     amplitude : (channel, path) complex128
         Amplitude without the phase of propagation [sqrt(W)].
     body : (channel, path) int32
-        Index of the body in the scene; for several reflections that of the last.
+        Index of the body in the scene; for several reflections of the last body.
     order : (channel, path) uint8
         Exponent n of amplitudes that fall with frequency^-n; `amplitude` holds at the centre of the band. 1 for
         edges and mirror images of flat surfaces, 2 for their corners, 0 for all others.

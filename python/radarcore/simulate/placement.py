@@ -61,7 +61,7 @@ class Placement:
         placements = []
         for frame, start in enumerate(starts):
             vertices = self._vertices(start + self._waveform.delay_times(_num_vertex_times(num_times)))
-            placements.append(self._placed(poses[frame], self._points(times[frame]), vertices))
+            placements.append(self._core_placement(poses[frame], self._points(times[frame]), vertices))
         return placements
 
     def poses_at(self, times: ArrayLike) -> NDArray[np.float64]:
@@ -71,16 +71,16 @@ class Placement:
     def at(self, time: float) -> _core.Placement:
         """Placement at one time [s]."""
         times = np.array([time])
-        return self._placed(self._motions.poses_at(times), self._points(times), self._vertices(times))
+        return self._core_placement(self._motions.poses_at(times), self._points(times), self._vertices(times))
 
     def rates_at(self, time: float) -> _core.Placement:
         """Time derivatives of the placement at one time [s]."""
         rates, parts = self._motions.rates_at(np.array([time])), self._parts
         vertices = [parts.vertex_rates_at(mesh, time)[None] for mesh in parts.deforming]
-        return self._placed(rates, parts.velocities[None], vertices)
+        return self._core_placement(rates, parts.velocities[None], vertices)
 
     @staticmethod
-    def _placed(
+    def _core_placement(
         poses: NDArray[np.float64], points: NDArray[np.float64], vertices: Sequence[NDArray[np.float64]]
     ) -> _core.Placement:
         bodies, sensor = np.ascontiguousarray(poses[:, :-1]), np.ascontiguousarray(poses[:, -1])

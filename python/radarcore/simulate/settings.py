@@ -29,7 +29,7 @@ _RAYS_PER_CELL = 4
 """Least budget of rays per cell of the base grid: all cells can be split once."""
 
 _IMAGE_SIDE = 2 * CELLS_AT_60
-"""Pixels of images by default; of those of rays and ray tubes up to 60 degrees, and more beyond."""
+"""Default pixels of images; images of rays and ray tubes have more above 60 degrees."""
 
 MAX_BOUNCES = 64
 """Largest number of reflections: paths with more are lost in the noise."""
@@ -108,7 +108,7 @@ class Settings:
 
     @property
     def _pixels(self) -> Sectors:
-        """Pixels of regular images, and those that launch ray tubes."""
+        """Pixels of regular images, and of images that launch ray tubes."""
         return Sectors.of(self.view_deg, self._number, _IMAGE_SIDE, narrowest=60.0)
 
     @property
@@ -129,7 +129,7 @@ class Settings:
 
     @property
     def most_rays(self) -> int | None:
-        """Largest number of rays through cells; None: as many as `rcs_floor` asks for."""
+        """Largest number of rays through cells; None: enough for `rcs_floor`."""
         if self.ray_budget is None:
             return max(_RAY_BUDGET, _RAYS_PER_CELL * self._cells.num_pixels)
         return None if self.ray_budget == np.inf else int(self.ray_budget)

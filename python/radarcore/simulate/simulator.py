@@ -76,11 +76,11 @@ class Simulator(Settings):
         Sensor to world; default: the world's own frame, looking along +x.
     resolution : int or (rows, columns), optional
         Pixels of depth images, and rays of frames; with adaptive sampling the cells of the base grid. All across the
-        field of view. Default: 256 x 256 pixels, and 128 cells per 60 degrees; of frames more beyond 60 degrees, so
-        that those in the middle are as small.
+        field of view. Default: 256 x 256 pixels, and 128 cells per 60 degrees; frames have more above 60 degrees, so
+        that cells in the middle stay equally small.
     field_of_view_deg : (float, float), optional
-        Horizontal and vertical angle that is simulated [degrees], each below 180. Default: what the antennas see, see
-        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point in the beam of the
+        Horizontal and vertical angle that is simulated [degrees], each below 180. Default: the field of view of the
+        antennas, `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point in the beam of the
         antennas, but outside of the given angles, raises one warning.
     sampling : "adaptive", "fast", "footprint" or "point"
         Sampling of surfaces by rays. Adaptive: cells of the image plane are refined where the error of their echo is
@@ -101,7 +101,7 @@ class Simulator(Settings):
     ray_budget : int, optional
         Largest number of rays through the cells of a cast, of adaptive sampling; where they do not suffice, the
         permitted residual error grows everywhere, parts of meshes between rays are sought less finely, and one warning
-        says so. Infinite: as many as `rcs_floor` asks for. Default: 400 000, or four per cell of the base grid where
+        says so. Infinite: enough for `rcs_floor`. Default: 400 000, or four per cell of the base grid where
         that is more. Not counted: rays of cells that were tried before that error had grown, and rays to the points
         of diffuse surfaces, at most 131 072 per body. `Frame.stats["rays_cast"]` counts both.
     gain_floor_db : float
@@ -129,8 +129,8 @@ class Simulator(Settings):
     Warns
     -----
     UserWarning
-        Once each: for echoes beyond `Radar.max_unambiguous_range`, bodies faster than `Radar.max_velocity`, a scene of
-        which no body is seen, and where the numbers behind the result do not hold.
+        Once each: for echoes beyond `Radar.max_unambiguous_range`, bodies faster than `Radar.max_velocity`, a scene
+        without a visible body, and invalid assumptions behind the result.
 
     See Also
     --------
@@ -188,7 +188,7 @@ class Simulator(Settings):
 
         See Also
         --------
-        Simulator : Settings, all of which stay as they are.
+        Simulator : Settings, read-only.
 
         Examples
         --------
@@ -204,13 +204,13 @@ class Simulator(Settings):
         The rays are cast once, at the middle of the frame. Scatterers move with their body, or with their facet if the
         body deforms, and delay and amplitude follow the exact geometry through the frame; visibility does not change
         within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
-        own. `Frame.truth` holds for the middle of the frame, of several sub-sequences for that of the first.
+        own. `Frame.truth` holds for the middle of the frame, with several sub-sequences for the middle of the first.
 
         See Also
         --------
         Simulator.frames : Frames at a rate, one at a time.
         Simulator.record : Frames at a rate, kept.
-        Frame : What comes back.
+        Frame : The result.
 
         Examples
         --------
@@ -268,7 +268,7 @@ class Simulator(Settings):
         progress : bool
             Show a progress bar when run in a terminal.
         path : path, optional
-            Write frame by frame into this recording directory; what is there stays readable if the run is killed. The
+            Write frame by frame into this recording directory, readable even if the run is killed. The
             result is then read from there.
         overwrite : bool
             Replace a recording at `path`.
@@ -309,7 +309,7 @@ class Simulator(Settings):
 
         See Also
         --------
-        Paths : What comes back.
+        Paths : The result.
         beat_signal : Samples of paths.
 
         Examples
@@ -331,13 +331,13 @@ class Simulator(Settings):
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
     def depth_image(self, time: float | None = None) -> DepthImage:
-        """Depth image of a pinhole camera at a time [s], by default that of `frame`.
+        """Depth image of a pinhole camera at a time [s], by default as in `frame`.
 
         Over `image_view_deg`: the field of view that was given, or what the antennas see up to 110 degrees.
 
         See Also
         --------
-        DepthImage : What comes back.
+        DepthImage : The result.
         frame_from_depth : The way back: a frame from a depth image.
         plot.depth_image : Picture of it.
 
@@ -375,7 +375,7 @@ class Simulator(Settings):
         points : (n, 3) array_like
             Positions in the world [m]: markers of a motion capture, say. A point on a surface is not occluded by it.
         time : float, optional
-            Time [s]; default: that of `frame`.
+            Time [s]; default: as in `frame`.
 
         Returns
         -------
@@ -398,7 +398,7 @@ class Simulator(Settings):
         return self._engines[0].occluded(self._placement.at(at), np.ascontiguousarray(local))
 
     def _start(self, time: float | None) -> float:
-        """A time [s] that was given, or that of the newest update of what is live, or 0."""
+        """The given time [s], or the newest update of live motions, or 0."""
         if time is not None:
             return check.number("time", time, "s")
         newest = self._placement.newest
@@ -483,7 +483,7 @@ class Simulator(Settings):
         """Engines for frames that are simulated side by side, at most `num_frames`."""
         threads = self.threads or _num_cores()
         number = min(num_frames, threads, self._most_side_by_side)
-        # What is live may be updated between frames.
+        # Live motions may be updated between frames.
         if number <= 1 or self._placement.newest is not None:
             return [self._engines]
         # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.

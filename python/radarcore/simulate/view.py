@@ -29,15 +29,15 @@ _SEAM = 14 * _TILE * _CELL
 """Half width of the front plane beside others: whole tiles, about 45 degrees."""
 
 _COARSER = 2
-"""Width of the cells of the planes at the sides over that of the front plane's. Cells at the border of the front plane
-are half as wide, seen as an angle, as those in its middle."""
+"""Width of cells in the side planes relative to the front plane. Cells at the border of the front plane subtend half
+the angle of cells in its middle."""
 
 Plane = tuple[int, int, float, float, float, float]
 """Image plane as the core has it: rows, columns, width and height of a pixel at distance 1, column and row of the
 axis."""
 
 Rotation = list[list[float]]
-"""Rows of the rotation from the axes of the sensor to those of a sector."""
+"""Rows of the rotation from the axes of the sensor to the axes of a sector."""
 
 FRONT: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 _LEFT: Rotation = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
@@ -72,9 +72,9 @@ class Axis:
 
     @classmethod
     def of(cls, angle_deg: float, number: int | None, cells_at_60: int, narrowest: float) -> Axis:
-        """Pixels over an angle; as many as given, or as fine in the middle as some number across 60 degrees is.
+        """Pixels over an angle: the given number, or the resolution in the middle of a number across 60 degrees.
 
-        Angles below `narrowest` [degrees] have as many pixels as that.
+        Angles below `narrowest` [degrees] have its number of pixels.
         """
         half = float(np.tan(np.deg2rad(0.5 * angle_deg)))
         width = _CELL * CELLS_AT_60 / cells_at_60
@@ -155,7 +155,7 @@ class Sectors:
 
 
 def is_outside(points: NDArray[np.float64], field_of_view_deg: Angles) -> NDArray[np.bool_]:
-    """True for convex bodies (..., point, 3) in the sensor frame of which a field of view shows nothing."""
+    """True for convex bodies (..., point, 3) in the sensor frame that are outside of a field of view."""
     x, y, z = np.moveaxis(points, -1, 0)
     horizontal, vertical = 0.5 * np.deg2rad(field_of_view_deg)
     along = x if horizontal <= 0.5 * np.deg2rad(MOST_OF_A_PLANE) else np.maximum(x, np.abs(y))

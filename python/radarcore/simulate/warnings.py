@@ -27,7 +27,7 @@ _FRAMES_PER_LOOK = 8
 """Single frames between searches for bodies outside of the field of view: one takes a twentieth of a frame."""
 
 _FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
-"""Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
+"""Median distance of an image [m], also relative to the radar's, above which metres are implausible."""
 
 _COMPRESSES = 1e-4
 """Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
@@ -166,7 +166,7 @@ class Warnings:
             self._out_of_view([names[point] for point in seen], directions[seen[0]], view, "its truth is NaN")
 
     def nothing_visible(self, placement: Placement, time: float) -> None:
-        """Warn of a scene of which nothing is seen: where the nearest of its bodies lies at a time [s]."""
+        """Warn of an invisible scene, with the position of its nearest body at a time [s]."""
         if not self._scene.bodies or "sight" in self._given:
             return
         names, middles = self._middles(placement, time)
@@ -309,8 +309,8 @@ def check_antennas(
 ) -> None:
     """Refuse a surface or a point at an antenna when a run begins, at a time [s]; `name` is what places the radar.
 
-    Nor may the antennas be inside a body, unless it is large enough to be a room around them. `poses`, those of the
-    bodies with meshes and of the sensor at that time, (body + 1, 3, 4), to the world.
+    The antennas must not be inside a body, unless it is large enough to be a room around them. `poses` of the bodies
+    with meshes and of the sensor at that time, (body + 1, 3, 4), to the world.
     """
     antennas = np.concatenate([radar.tx, radar.rx])
     parts, sensor = scene.parts, poses[-1]

@@ -24,10 +24,10 @@ _MOST_RANGES, _MOST_VELOCITIES = 256, 64
 """Largest numbers of cells after padding: a finer picture is not seen and costs time in every frame."""
 
 _MOST_COLUMNS = 400
-"""Columns of the history: about as many as its axes have pixels."""
+"""Columns of the history: about one per pixel of its axes."""
 
 _DYNAMIC_RANGE_DB = 25.0
-"""Weaker detections than this below the strongest are not for the eye: what remains of static echoes, limbs."""
+"""Weaker detections than this below the strongest are hidden: residual static echoes, limbs."""
 
 _FALSE_ALARM_RATE = 1e-7
 """Detections per cell of noise: of some thousand cells, one in an hour at 40 frames per second would need 1e-9; the
@@ -66,7 +66,7 @@ class Stream:
     threshold_db : float
         Smallest level of a detection [dB].
     max_detections : int
-        Keep at most as many.
+        Largest number to store.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ class Stream:
         return np.asarray(10.0 * np.log10(level), dtype=np.float32)
 
     def _moving(self, frame: Frame) -> NDArray[Any]:
-        """The samples without their mean: that of all frames at first, later that of the last seconds; and offsets."""
+        """The samples without their mean (of all frames at first, later of the last seconds) and offsets."""
         cube = frame.cube
         if self._static is None or len(self._times) < 2:
             self._static, self._num_static = np.zeros(1, cube.dtype), 0

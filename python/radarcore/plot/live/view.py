@@ -57,9 +57,9 @@ class LiveView:
     Made once for a radar: `update` takes a frame and changes what the artists show, `draw` paints them, alone where
     the canvas can blit. Nothing is added to the figure later.
 
-    Levels are in dB over the noise, by the median of the frame's map (powers of all channels added). The
-    history has the strongest velocity of every range; what is grey is missing. A radar of one or two chirps, or of
-    unevenly spaced ones, tells no velocities: its newest frame is shown as power over range.
+    Levels are in dB over the noise, by the median of the frame's map (powers of all channels added). The history has
+    the strongest velocity of every range; missing columns are grey. A radar of one or two chirps, or of unevenly spaced
+    ones, tells no velocities: its newest frame is shown as power over range.
 
     Detections are the strongest of `detect` (ordered statistic, two range bins away from the radar, where it hears
     itself) that are at least `threshold_db` over the noise around them and at most 25 dB below the strongest.
@@ -73,8 +73,7 @@ class LiveView:
     title : str
         Headline.
     subtract_mean : bool
-        Take off the mean of the samples over the last seconds: what stands still, and what a real sensor hears of
-        itself.
+        Subtract the mean of the samples over the last seconds: static echoes, and the leakage of a real sensor.
     max_range : float, optional
         End of the range axis [m]; default: the largest unambiguous range.
     history : float
@@ -82,7 +81,7 @@ class LiveView:
     threshold_db : float
         Smallest level of a detection [dB].
     max_detections : int
-        Show at most as many.
+        Largest number to show.
 
     Attributes
     ----------
@@ -300,7 +299,7 @@ class LiveView:
         self._status.set_text(status)
         self._list.set_text(_table(stream.detections))
 
-        # The scale is that of the whole history, in steps, so that it rarely changes.
+        # The scale covers the whole history, in steps, so that it rarely changes.
         strongest = np.fmax.reduce(stream.history, axis=None)
         highest = 10.0 * np.ceil(max(20.0, 0.0 if np.isnan(strongest) else float(strongest)) / 10.0)
         limits = (max(0.0, highest - _DYNAMIC_RANGE_DB), highest)
@@ -562,7 +561,7 @@ def _ctrl_c(stop: Callable[[], None]) -> Iterator[None]:
 
 
 class _Source:
-    """Frames taken in a thread of their own, a few of which wait to be drawn."""
+    """Frames taken in a separate thread; a few wait for drawing."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         self.error: BaseException | None = None

@@ -138,7 +138,7 @@ class Parts:
             if not file.is_file():
                 raise FileNotFoundError(f"expected a mesh file, got none at {file}")
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # what they say is an error here
+                warnings.simplefilter("ignore")  # their warnings are errors here
                 read = load(file, **options)
             if read == {} or (isinstance(read, Mesh) and len(read.triangles) == 0):
                 raise ValueError(f"expected a mesh with faces, got none in {file}")

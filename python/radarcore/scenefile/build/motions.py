@@ -91,7 +91,7 @@ def motion_of(table: PlacedTable, carriers: Carriers, recorded: Recorded | None 
 
 
 def _recorded_motion(table: BagMotionTable, recorded: Recorded | None) -> Motion:
-    """World of the scene from that of the bag, from the frame that moves, from the body."""
+    """World of the scene from the world of the bag, from the moving frame, from the body."""
     with located("motion."):
         source = _needed("kind", recorded)
         world, offset = (_pose_named(name, pose) for name, pose in (("world", table.world), ("offset", table.offset)))
