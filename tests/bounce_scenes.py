@@ -56,7 +56,7 @@ def reflector_db(
 
 
 def bounce_paths(sim: rc.Simulator, time: float = 0.0) -> rc.Paths:
-    """Those of several reflections alone."""
+    """Paths of several reflections alone."""
     single = rc.Simulator(
         sim.scene,
         sim.radar,
@@ -78,11 +78,11 @@ RADIUS, BALL = 0.1, np.array([2.0, 0.0, 0.0])
 WALL_Y = -0.7
 SENSOR = np.zeros(3)
 IN_THE_WALL = np.array([1.0, -1.0, 1.0])
-"""A direction times this is that of its image."""
+"""A direction times this is the direction of its image."""
 VIEW: dict[str, Any] = {"resolution": (96, 1280), "field_of_view_deg": (94.0, 12.0), "max_bounces": 2}
 """Wide enough for where the wall mirrors the ball."""
 CLOSE: dict[str, Any] = VIEW | {"resolution": 512, "field_of_view_deg": (6.2, 6.2)}
-"""The ball alone: what it scatters onto the wall spreads so much that it takes narrow rays."""
+"""The ball alone: its echo on the wall spreads so much that it takes narrow rays."""
 VIEWS = {"wide": VIEW, "close": CLOSE}
 CHANNELS = rc.Radar(tone(), rx=[[0.0, 0.0, 0.0], [0.0, 0.00125, 0.0]])
 

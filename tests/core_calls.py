@@ -1,4 +1,4 @@
-"""Calls of the compiled core with arguments that it takes, any of which a test changes."""
+"""Calls of the compiled core with valid arguments; tests change single ones."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def depth_scene(**changes: Any) -> Any:
 
 
 def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
-    """Changes are those of the simulator, of its settings and of its antennas."""
+    """Changes concern the simulator, its settings and its antennas."""
     array = {name: changes.pop(name) for name in list(changes) if name in ARRAY or name == "polarization"}
     planes = ("rays", "tubes", "image")
     chosen = {name: changes.pop(name) for name in list(changes) if name in SETTINGS or name in planes}

@@ -46,7 +46,7 @@ class Scene:
         return np.array(words, "<i2")
 
     def chirp(self, time: float, mask: int) -> np.ndarray[Any, Any]:
-        """I + jQ of a chip (rx, sample): the phase of the transmitted wave less that of the echo."""
+        """I + jQ of a chip (rx, sample): the phase of the transmitted wave minus the phase of the echo."""
         t = ADC_START * 1e-6 + np.arange(NUM_SAMPLES) / (RATE * 1e3)
         middle = START * 1e9 + SLOPE * 1e12 * (ADC_START * 1e-6 + 0.5 * NUM_SAMPLES / (RATE * 1e3))
         half = 0.5 * C / middle

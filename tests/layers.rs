@@ -24,7 +24,7 @@ const LAYERS: [(&str, &str); 11] = [
     ),
 ];
 
-/// Sources without tests and comments, by module path; that of `lib.rs` is empty.
+/// Sources without tests and comments, by module path; the path of lib.rs is empty.
 fn modules(directory: &Path, path: &str, found: &mut BTreeMap<String, String>) {
     for entry in std::fs::read_dir(directory).unwrap().map(Result::unwrap) {
         let name = entry.file_name().into_string().unwrap();

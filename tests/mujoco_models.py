@@ -73,7 +73,7 @@ def polyhedron(seed: int, radius: float = 0.3, num_points: int = 20) -> str:
 
 
 def posed_ur10(*more: dict[str, Any]) -> tuple[Any, Any]:
-    """A UR10 on a pedestal of 0.8 m, in a pose of which the forward kinematics is known, and other geoms."""
+    """A UR10 on a pedestal of 0.8 m, in a pose with known forward kinematics, and other geoms."""
     if not robots.is_available():
         pytest.skip("needs the extra `robots`: pip install radarcore[robots]")
     world = mujoco.MjSpec()

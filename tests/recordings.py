@@ -1,4 +1,4 @@
-"""Frames and recordings that can be told apart, in watts and of a sensor."""
+"""Distinguishable frames and recordings, in watts and of a sensor."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def array_of(number: int) -> dict[str, Any]:
 
 
 def messages(num: int = NUM) -> Iterable[tuple[str, str, int, Any]]:
-    """`num` arrays that count on ``/array``, and as many poses on ``/arm/pose``: topic, type, time, message."""
+    """num arrays that count on /array, and num poses on /arm/pose: topic, type, time, message."""
     for k in range(num):
         time = START_NS + k * EVERY_NS
         yield "/array", ARRAY, time, array_of(k)

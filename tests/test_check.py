@@ -1,4 +1,4 @@
-"""Checks of arguments: every kind once, with the name, what was expected and what came."""
+"""Checks of arguments: every kind once, with the name, the expected and the given value."""
 
 from __future__ import annotations
 

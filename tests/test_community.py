@@ -1,4 +1,4 @@
-"""What contributors read: CONTRIBUTING names files and folders that are there, citation and issue forms can be read."""
+"""Files for contributors: CONTRIBUTING names existing files and folders; citation and issue forms are readable."""
 
 from __future__ import annotations
 

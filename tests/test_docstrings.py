@@ -28,7 +28,7 @@ PACKAGES = (
 """Packages and modules with public names, by a stub or by what they define."""
 
 WRITTEN = {"radarcore": "", "radarcore.geometry.shapes": "shapes."}
-"""What users write between ``rc.`` and a name, where it is not the package."""
+"""Text of users between rc. and a name, where it is not the package."""
 
 NUM_METHODS = 90
 """Examples of methods, at least."""
@@ -87,7 +87,7 @@ def docstrings() -> dict[str, str]:
             if (name, module) not in known:
                 known.add((name, module))
                 found |= {before + own: ast.get_docstring(node) or "" for own, node in nodes_of(name, module)}
-    # Not a class nor a function, but what users look up most.
+    # Not a class or a function, but looked up most.
     return found | {"materials": inspect.getdoc(rc.materials) or ""}
 
 
@@ -102,7 +102,7 @@ def sections(name: str) -> dict[str, str]:
 
 
 def resolved(name: str) -> Any:
-    """What a user gets by writing the name after ``rc.``."""
+    """The object behind a name after ``rc.``."""
     return reduce(getattr, name.split("."), rc)
 
 

@@ -1,4 +1,4 @@
-"""The gallery: every example runs in short form, what it prints is right, and its picture is on the page."""
+"""The gallery: every example runs in short form, its output is right, and its picture is on the page."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_strongest_echo_of_the_walker_has_the_velocity_of_the_trunk(printed: Pri
 def test_two_blades_flash_twice_per_turn(printed: Printed) -> None:
     ((rate, expected),) = numbers(printed("propeller", "--num-turns", "1.3"))
     assert expected == 2 * 20.0
-    assert rate == pytest.approx(expected, rel=0.02)  # columns are 0.2 ms apart, flashes 25 ms
+    assert rate == pytest.approx(expected, rel=0.02)  # columns every 0.2 ms, flashes every 25 ms
 
 
 def test_corner_and_plate_have_the_cross_sections_of_textbooks(printed: Printed) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C is heard soon in every long call of the core, and progress is told; frames are in simulate/test_running.py."""
+"""Ctrl-C ends every long call of the core soon, and progress is reported; frames are in simulate/test_running.py."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_interrupt_ends_a_long_sum_soon(method: str, num_paths: int, shape: tupl
 
 
 def bumpy(num_squares: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Sheet of twice as many triangles as there are squares."""
+    """Sheet with two triangles per square."""
     side = int(np.sqrt(num_squares))
     y, z = np.meshgrid(*[np.linspace(-1.0, 1.0, side + 1)] * 2, indexing="ij")
     vertices = np.stack([0.1 * np.sin(7.0 * y) * np.cos(5.0 * z), y, z], axis=-1).reshape(-1, 3)

@@ -43,7 +43,8 @@ MAY_IMPORT = {
 MAY_IMPORT["cli"] = {*MAY_IMPORT, "cli"}
 
 COUNTERPARTS = {"_core", "_core_at"}
-"""The core's counterparts of meshes, scenes, materials, radars: theirs, but for those who hand them to the core."""
+"""The core's counterparts of meshes, scenes, materials, radars: private, except for modules that pass them to the
+core."""
 CORE_USERS = ("simulate.", "depth.", "scene.scene", "geometry.mesh_report")
 NAMED_TUPLE = {"_replace", "_asdict", "_fields"}
 """Public methods of named tuples."""

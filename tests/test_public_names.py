@@ -51,7 +51,7 @@ def test_every_name_loads_and_stays(face: ModuleType) -> None:
 
 
 def test_nothing_but_its_own_modules_is_reachable_beside_the_names_of_a_package(face: ModuleType) -> None:
-    """The import system puts the modules there: neither `dir` nor a checker of types shows them."""
+    """The import system puts the modules there: `dir` and type checkers do not show them."""
     for name in face.__all__:
         getattr(face, name)
     for name in vars(face).keys() - set(face.__all__):
@@ -72,7 +72,7 @@ def test_module_of_public_functions_shows_these_alone(name: str) -> None:
         for key, value in vars(shown).items()
         if getattr(value, "__module__", None) == shown.__name__ and not key.startswith("_")
     }
-    assert own - set(shown.__all__) <= {"Image"}  # a protocol: what a type needs, for checkers
+    assert own - set(shown.__all__) <= {"Image"}  # a protocol: requirements of a type, for checkers
 
 
 def test_no_module_has_the_name_of_something_else(face: ModuleType) -> None:
@@ -116,7 +116,7 @@ FRAME = (
     "plate = radarcore.Body(radarcore.shapes.plate(0.1, 0.1), motion=radarcore.Pose([1.0, 0.0, 0.0]))\n"
     "radarcore.Simulator(radarcore.Scene([plate]), radarcore.bgt60tr13c(num_chirps=1), resolution=4).frame()"
 )
-"""Loads no scipy, pydantic or matplotlib: what it takes to simulate a frame is numpy and the core."""
+"""Loads no scipy, pydantic or matplotlib: simulation of a frame needs numpy and the core."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Descriptions are read-only: what was derived from an attribute would not follow it."""
+"""Descriptions are read-only: derived values would not follow a changed attribute."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def test_python_examples_of_coppeliasim_run_with_a_server(
 @pytest.mark.filterwarnings("ignore:.*expected at least one track, got none in 2 frames")  # a track takes more
 @pytest.mark.parametrize("page", [p for p in pages_with("sh") if commands(p)], ids=name)
 def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenes are cut to two frames of few rays; those that other tests run are only parsed."""
+    """Scenes are cut to two frames of few rays; commands of other tests are only parsed."""
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     monkeypatch.chdir(tmp_path)
     examples = Path(shutil.copytree(ROOT / "examples", "examples"))
@@ -142,7 +142,7 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         rate = float(re.findall(r"^rate = (.*)$", scene, flags=re.MULTILINE)[0])
         short = f"stop = {2.0 / rate}\nresolution = 64"
         path.write_text(re.sub(r"^stop = .*$", short, scene, flags=re.MULTILINE), encoding="utf-8")
-    if page.name == "sensor.md":  # what the board that is not there would have recorded
+    if page.name == "sensor.md":  # a recording in place of the missing board's
         radar = rc.bgt60tr13c(receiver="measured", num_chirps=16)
         walker = rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])
         simulated = rc.Simulator(rc.Scene([walker]), radar).record(0.0, 0.2, progress=False)

@@ -47,7 +47,7 @@ LOADED = re.compile(r'<(?:script|img|iframe|link)\b[^>]*?\b(?:src|href)="([^"]*)
 
 
 def check_equations(theory: str) -> None:
-    """All are MathML, and those with numbers can be linked to."""
+    """All are MathML, and numbered ones have anchors."""
     assert theory.count("<math ") > 50
     for number in re.findall(r"\\tag\{(\d+)\}", text_of("docs/theory.md")):
         assert f'id="eq-{number}"' in theory

@@ -1,4 +1,4 @@
-"""What objects say of themselves: a line in a terminal, a table in a notebook."""
+"""Representations of objects: a line in a terminal, a table in a notebook."""
 
 import dataclasses
 

@@ -36,7 +36,7 @@ Script = Callable[[str], dict[str, Any]]
 
 @pytest.fixture
 def script(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Script]:
-    """Runs tutorials as scripts in an empty folder, in this process: what they print must be what the site shows."""
+    """Runs tutorials as scripts in an empty folder, in this process: they must print the outputs on the site."""
     import matplotlib.pyplot as plt
 
     def names_after(name: str) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def test_errors_are_at_the_bound_and_velocities_fold(script: Script) -> None:
     estimates, truth = found["estimates"], found["recording"].truth
     for name in ("range", "velocity"):
         errors = getattr(estimates, name) - getattr(truth, name)[:, 0]
-        # Of 200 frames: the rms of as many errors is within 15 % at three standard deviations.
+        # Of 200 frames: their rms error is within 15 % at three standard deviations.
         assert np.sqrt(np.mean(errors**2)) == pytest.approx(getattr(found["bound"], name), rel=0.15)
     assert found["peak"].velocity == pytest.approx(found["folded"], abs=0.1 * found["waveform"].velocity_resolution)
     np.testing.assert_allclose(found["found_deg"], found["true_deg"], atol=0.5)

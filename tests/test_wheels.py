@@ -1,4 +1,4 @@
-"""Wheels and the source distribution: what they hold, what builds them, where the package can be imported."""
+"""Wheels and the source distribution: contents, builders, and the import of the package."""
 
 from __future__ import annotations
 

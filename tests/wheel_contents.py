@@ -39,7 +39,7 @@ def newest_glibc(core: bytes) -> tuple[int, int]:
 
 
 def faults(path: Path, expected: set[str]) -> list[str]:
-    """What is wrong with a wheel that should hold the `expected` files of the package; empty if nothing is."""
+    """Faults of a wheel that should hold the expected files of the package; empty for none."""
     wrong = []
     size = path.stat().st_size
     if size >= LARGEST:

@@ -31,7 +31,7 @@ KINDS = {
     r"|parts them|is called as|hardly meant|who comes|the other way round|taken off)\b",
     "private names": r"\b(?:_told|_look|_placed|_received|_Known|Together|followed|Draws|_turns|NOTHING_SAID"
     r"|carried_poses|newest_of|unbalance|_make_room|WishError|LaneSum|Doubts|Kept|order_by|UNLIKE|RESERVE|NodePlaces|Placing|Laid"
-    r"|take_in)\b",
+    r"|take_in)(?=[(.:\[])",
 }
 """Regular expressions of each kind; all but the last are looked for in prose, whatever the case."""
 

@@ -131,7 +131,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
             ),
         ]
     for call in calls:
-        # What is not finite may be refused by name; a panic is a BaseException and no answer.
+        # Non-finite values may raise an error that names them; a panic is a BaseException and no answer.
         with contextlib.suppress(ValueError, MemoryError):
             call()
     table().gain(np.full(2, value), np.full(2, -value))

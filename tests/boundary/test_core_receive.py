@@ -1,4 +1,4 @@
-"""Receiver of the compiled core: what it takes, what it refuses, and where the samples are."""
+"""Receiver of the compiled core: its arguments, its errors, and the order of samples."""
 
 from __future__ import annotations
 

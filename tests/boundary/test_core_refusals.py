@@ -46,7 +46,7 @@ from radarcore import _core
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        # Shapes that hold as many numbers, but others.
+        # Shapes with the right number of elements in another order.
         (lambda: beat(amplitude=np.ones((3, 2), complex)), r"amplitude: expected shape \[2, 3\], got \[3, 2\]"),
         (
             lambda: beat(np.ones((4, 2, 3)), np.ones((3, 3, 2), complex)),

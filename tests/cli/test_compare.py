@@ -1,4 +1,4 @@
-"""The command `compare`: what it prints and writes, and how it fails."""
+"""The command `compare`: its output, its files, and its failures."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_motion_capture_is_the_truth_of_what_it_saw(folder: Path, capsys: pytest
     assert facts["recordings"][0]["offset"] == pytest.approx(OFFSET, abs=2e-3)
     (ball,) = facts["targets"]
     (errors,) = ball["errors"]
-    # Of 32 frames those in the gap of 160 ms, from 0.19 to 0.35 s, have no truth.
+    # Of 32 frames, the frames in the gap of 160 ms, from 0.19 to 0.35 s, have no truth.
     assert 25 <= errors["num_frames"] <= 26
     assert errors["num_range_within"] == errors["num_velocity_within"] == errors["num_tracked"] == errors["num_frames"]
     assert abs(errors["range_error"]["bias"]) < 2e-3

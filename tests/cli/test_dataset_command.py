@@ -34,7 +34,7 @@ def test_make_resume_and_what_is_refused(folder: Path, capsys: pytest.CaptureFix
     result = json.loads(capsys.readouterr().out)
     assert (result["samples"], result["frames"], result["failed"]) == (3, 6, 0)
     assert make(folder, "--labels", "truth,boxes,visibility") == 1
-    assert "out: expected no such path, got a dataset; --resume goes on with it\n" in capsys.readouterr().err
+    assert "out: expected no such path, got a dataset; --resume continues it\n" in capsys.readouterr().err
     assert make(folder, "--resume") == 1
     assert "got labels.boxes = False, not True; labels.visibility = False, not True" in capsys.readouterr().err
     assert make(folder, "--resume", "--labels", "truth,boxs") == 1
@@ -89,7 +89,7 @@ def test_failed_samples_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_lost_worker_is_told_with_the_option_that_goes_on(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lost = ChildProcessError("a worker was lost; resume=True goes on with the rest")
+    lost = ChildProcessError("a worker was lost; resume=True continues with the rest")
     monkeypatch.setattr("radarcore.cli.dataset.verify", MagicMock(side_effect=lost))
     assert main(["dataset", "verify", str(folder / "out")]) == 1
-    assert "--resume goes on with the rest" in capsys.readouterr().err
+    assert "--resume continues with the rest" in capsys.readouterr().err

@@ -70,7 +70,7 @@ def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
         assert "--sequence: expected an index below 2, got 2" in capsys.readouterr().err
 
 
-# --- Recordings of sensors: neither their leakage nor what stands still, unless asked for
+# --- Recordings of sensors: without leakage and static echoes, unless requested
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def range_of_brightest(picture: Any) -> float:
 
 
 def at(frame: int) -> float:
-    """Range of what moves in the middle of a frame [m]; frames are 25 ms apart."""
+    """Range of the moving target in the middle of a frame [m]; the frame interval is 25 ms."""
     return START + SPEED * 25e-3 * frame
 
 

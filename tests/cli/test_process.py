@@ -19,7 +19,7 @@ RADAR = rc.bgt60tr13c()
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two points, one of which recedes."""
+    """Two points; one recedes."""
     path = tmp_path_factory.mktemp("recorded") / "recording"
     points = [rc.PointTarget([1.5, 0.3, 0.0], velocity=[0.8, 0.0, 0.0]), rc.PointTarget([4.0, 0.0, 0.5], rcs=3.0)]
     rc.Simulator(rc.Scene(points), RADAR).record(0.0, 0.3, 40.0, path=path, progress=False)

@@ -21,7 +21,7 @@ NUM_FRAMES = 4
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two targets, one of which comes closer; the recording says from which bag its motions were."""
+    """Two targets; one comes closer. The recording names the bag of its motions."""
     path = tmp_path_factory.mktemp("recording") / "take"
     targets = [rc.PointTarget([2.5, 0.4, 0.0], velocity=[-0.7, 0.0, 0.0]), rc.PointTarget([1.2, -0.3, 0.1])]
     radar = rc.bgt60tr13c(num_chirps=16)

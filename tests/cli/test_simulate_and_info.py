@@ -1,4 +1,4 @@
-"""The commands `simulate`, `info` and `schema`: what they write and print."""
+"""The commands simulate, info and schema: their files and output."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_missing_frames_are_listed_as_counted_and_by_gaps() -> None:
     (gap,) = dropped_frames(recording(times), 10.0)
     assert (gap.frame, gap.count, gap.is_counted) == (3, 2, False)
     assert gap.time == pytest.approx(10.125)
-    # The recording counts them itself; what it does not count, its times still tell.
+    # The recording counts them itself; its times reveal uncounted ones.
     first, second = dropped_frames(recording(times, [0, 0, 0, 1, 0, 0, 3, 0]))
     assert (first.frame, first.count, first.is_counted) == (3, 2, False)
     assert (second.frame, second.count, second.is_counted) == (6, 3, True)

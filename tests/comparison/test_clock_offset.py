@@ -1,4 +1,5 @@
-"""Offsets between clocks: those of a walker are recovered, with their deviation; what does not tell one is refused."""
+"""Offsets between clocks are recovered from a walker, with their deviation; signals without an offset raise an
+error."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ def test_without_truth_the_tracks_of_a_are_the_targets(simulated: rc.Recording, 
         assert target.difference is not None
         assert target.difference.num_tracked == target.difference.range.num_within > 30
     assert "against the truth" not in str(compared)
-    # The truth may be that of B alone.
+    # The truth may belong to B alone.
     turned = compare(replace(measured, time=measured.time + 5.0), simulated, offset="auto")
     assert turned.sides[1].offset.seconds == pytest.approx(5.0 - OFFSET, abs=1e-3)
     assert turned["ball"].errors[0].range_share == 1.0

@@ -67,7 +67,7 @@ def test_clock_drops_ranges_and_velocities_are_found(
     assert echo["ratio_spread_db"] < 2.0  # few rays
     assert echo["phase_spread_deg"] < 60.0
 
-    # Topics that are not there are errors that name those that are.
+    # Missing topics raise errors that list the existing ones.
     for arguments, message in (
         ([f"{bag}:/radar", "--truth", str(bag)], "topic: no topic '/radar'"),
         (

@@ -96,7 +96,7 @@ def test_targets_that_are_none_are_refused() -> None:
 
 
 def test_recorded_truth_is_as_exact_by_clocks_that_count_since_1970() -> None:
-    """Float64 seconds since 1970 are known to 0.2 us; truth must not be that of a frame beside."""
+    """Float64 seconds since 1970 are known to 0.2 us; truth must not belong to a neighbouring frame."""
     times, ranges = np.array([0.0, 0.05, 0.1]), np.array([2.0, 2.05, 2.1])
     rows = (ranges[:, None], np.ones((3, 1)), np.zeros((3, 1)), np.zeros((3, 1)))
     epoch = 1_700_000_000.0

@@ -54,7 +54,7 @@ def test_nothing_of_a_mirror_whose_glint_is_hidden() -> None:
 
 
 def test_energies_of_a_mirror_and_a_rough_part_add() -> None:
-    """Of two parts that face the radar, one hidden: the shares are those of the energies of each alone."""
+    """Of two parts that face the radar, one hidden: shares follow the energies of each alone."""
     poses = [rc.Pose.look_at([2.0, y, 0.0], [4.0, 2.0 * y, 0.0]) for y in (0.2, -0.2)]
     made_of = [rc.Material(0.05), rc.Material.lambertian(0.9)]
     parts = [

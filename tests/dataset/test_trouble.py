@@ -39,7 +39,7 @@ def test_lost_process_is_an_error_that_says_how_to_go_on(scene: Path, whole: Pat
     script, path = tmp_path / "deadly.py", tmp_path / "out"
     script.write_text(DEADLY.replace("OUT", str(path)), encoding="utf-8")
     run = subprocess.run([sys.executable, str(script), str(scene)], capture_output=True, text=True)
-    assert "a worker was lost (killed, or out of memory); complete shards stay, resume=True" in run.stderr
+    assert "a worker was lost (killed, or out of memory); complete shards stay; resume=True" in run.stderr
     assert set(rc.dataset.open_dataset(path).status.tolist()) <= {0, 1}
     rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
     assert digests(path) == digests(whole)
@@ -99,7 +99,7 @@ def test_foreign_files_beside_and_within_a_dataset_stay(scene: Path, tmp_path: P
 
 
 def test_full_disk_names_the_file_and_what_is_complete_stays(scene: Path, tmp_path: Path) -> None:
-    settings: dict[str, Any] = {**SETTINGS, "samples_per_shard": 4}  # the second shard has half as many samples
+    settings: dict[str, Any] = {**SETTINGS, "samples_per_shard": 4}  # the second shard has half the samples
     rc.dataset.make(scene, tmp_path / "out", **settings, workers=1)
     expected = digests(tmp_path / "out")
     (tmp_path / "out" / "status" / "c" / "0").unlink()

@@ -27,7 +27,7 @@ def draws(table: dict[str, Any]) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def assert_moments(values: np.ndarray[Any, np.dtype[Any]], mean: float, variance: float, fourth: float) -> None:
-    """Within 4 standard errors, that of the variance from the fourth central moment."""
+    """Within 4 standard errors; for the variance from the fourth central moment."""
     assert abs(values.mean() - mean) < 4.0 * np.sqrt(variance / len(values))
     assert abs(values.var() - variance) < 4.0 * np.sqrt((fourth - variance**2) / len(values))
 

@@ -85,7 +85,7 @@ def image_ranges(image: rc.DepthImage, num_bodies: int) -> list[float]:
 
 @pytest.mark.parametrize("planar", [False, True])
 def test_depth_alone_gives_the_simulators_frame_of_plates_and_boxes(planar: bool) -> None:
-    # Edges of faces are at least two pixels apart here; a face of one pixel's width has no normal.
+    # Faces are at least two pixels wide here; a face of one pixel's width has no normal.
     sim = simulator(planar_bodies())
     image, reference = sim.depth_image(), sim.frame()
     depth = image.distance / SLANT if planar else image.distance

@@ -1,4 +1,4 @@
-"""Emulated boards behind real transports, and frames that can be told apart."""
+"""Emulated boards behind real transports, and distinguishable frames."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def numbered(shape: tuple[int, ...], number: int) -> NDArray[np.uint16]:
 
 
 def number_of(codes: NDArray[np.uint16]) -> int:
-    """Number of a frame, modulo 4096; fails where its codes are not those of any."""
+    """Number of a frame, modulo 4096; fails if its codes match no frame."""
     number = int(codes.flat[0]) * pow(_STEP, -1, 4096) % 4096
     assert np.array_equal(codes, numbered(codes.shape, number)), f"codes of no frame; the first are of number {number}"
     return number

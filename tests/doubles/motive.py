@@ -20,7 +20,7 @@ _UNRECOGNIZED = 100
 
 
 class MotionCaptureServer:
-    """Streams motions as Motive streams those of rigid bodies.
+    """Streams motions as Motive streams rigid bodies.
 
     Use it in a ``with`` statement. Frames are sent one by one, or at a rate in the background::
 
@@ -100,7 +100,7 @@ class MotionCaptureServer:
         return int(self._socket.getsockname()[1])
 
     def send(self, time: float) -> None:
-        """Send the frame of a time of the motions [s], unless it is one of those that get lost."""
+        """Send the frame of a time of the motions [s], unless it gets lost."""
         self._number += 1
         packet = self._frame(time)
         if self._random.random() < self._drop_rate:

@@ -96,7 +96,7 @@ def list_serial_ports(monkeypatch: pytest.MonkeyPatch, *paths: str, ids: tuple[i
 
 @contextmanager
 def other_user() -> Iterator[None]:
-    """Be somebody else for a time, if root, who may open everything."""
+    """Be another user for a time, if root, because root may open everything."""
     is_root = os.geteuid() == 0
     if is_root:
         os.seteuid(65534)

@@ -404,7 +404,7 @@ class _Connection:
                     return device.line_coding[: len(data)]
         number = value & 0xFF
         if (request_type, request, value >> 8) == (0x80, 0x06, 3) and (number == 0 or number in device.strings):
-            # GET_DESCRIPTOR of a string, of which number 0 has the languages.
+            # GET_DESCRIPTOR of a string; number 0 has the languages.
             text = device.strings[number].encode("utf-16-le") if number else struct.pack("<H", _LANGUAGE)
             return (bytes([2 + len(text), 3]) + text)[: len(data)]
         raise Stall

@@ -1,4 +1,4 @@
-"""Command `python -m tests.fuzz`: draw inputs of readers for a time, and keep those that fail."""
+"""Command `python -m tests.fuzz`: draw inputs of readers for a time, and store the failing ones."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ HOSTILE_NUMBERS = [b"\0\0\0\0", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\0\0
 
 
 def damaged(data: bytes, random: Random, others: list[bytes]) -> bytes:
-    """Bytes with one to eight faults: flipped, lost, doubled, moved, or mixed with those of another input."""
+    """Bytes with one to eight faults: flipped, lost, doubled, moved, or mixed with another input."""
     result = bytearray(data)
     for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
         at = random.randrange(len(result) + 1)

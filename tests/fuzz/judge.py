@@ -79,6 +79,6 @@ def _verdict(read: Callable[[Path], Any], folder: Path) -> Verdict:
 
 
 def _is_documented(error: BaseException) -> bool:
-    """True for ValueError, OSError and the package's own errors, but not those of libraries and of codecs."""
+    """True for ValueError, OSError and the package's own errors, but not for errors of libraries and codecs."""
     is_ours = type(error).__module__.split(".")[0] in ("builtins", "radarcore")
     return is_ours and isinstance(error, ValueError | OSError) and not isinstance(error, UnicodeError)

@@ -1,4 +1,4 @@
-"""Meshes: what is refused, dropped or warned of, and the files they come from."""
+"""Meshes: errors, dropped triangles, warnings, and files."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ RADAR = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, 
 
 
 def depth_of_a_prism(**options: Any) -> float:
-    """Depth of the middle of a facet of a cylinder of 1 m with 24 of them, 15 degrees apart."""
+    """Depth of the middle of a facet of a cylinder of 1 m with 24 facets of 15 degrees."""
     shape = rc.shapes.cylinder(1.0, 2.0, segments=24)
     body = rc.Body(
         rc.Mesh(shape.vertices, shape.triangles, **options), motion=rc.Pose.from_rpy([5, 0, 0], [0, 0, np.pi / 24])

@@ -112,7 +112,7 @@ def test_arms_have_closed_shapes_that_face_outwards(name: str, count: int) -> No
 
 
 def test_joints_count_from_the_base_outwards() -> None:
-    # The file has them the other way round.
+    # The file has them in the opposite order.
     names = "shoulder_pan shoulder_lift elbow_flex wrist_flex wrist_roll gripper"
     assert arm("so101", None).joint_names == tuple(names.split())
 

@@ -91,7 +91,7 @@ def test_derivatives_are_those_of_the_values(relative_speed):
 
 @pytest.mark.parametrize("relative_speed", SPEEDS)
 def test_all_derivatives_are_continuous(relative_speed):
-    # Sums of finitely many harmonics, of which the Gaussian leaves exp(-2 (pi h 0.7 %)^2). The paper's curves, whose
+    # Sums of finitely many harmonics; the Gaussian scales them by exp(-2 (pi h 0.7 %)^2). The paper's curves, whose
     # second derivatives jump, have 1e-5 to 1e-4 in harmonics above the hundredth.
     t = np.arange(1024) / 1024
     spectra = np.abs(np.fft.rfft(every_angle(t, relative_speed), norm="forward"))

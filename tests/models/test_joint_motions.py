@@ -89,7 +89,7 @@ def test_line_is_straight_at_constant_speed_and_keeps_the_orientation(ur10, dire
         np.testing.assert_allclose(pose.rotation, start.rotation, atol=2e-6)
         if ramp <= time - 2.0 <= duration - ramp:
             np.testing.assert_allclose(velocity, speed * unit, atol=1e-3)
-    # It begins and ends at rest, speed x (duration - ramp) apart, and the knots are exact.
+    # It begins and ends at rest over a distance of speed x (duration - ramp), and the knots are exact.
     end = start.position + speed * (duration - ramp) * unit
     np.testing.assert_allclose(tool.at(9.0).position, end, atol=1e-9)
     np.testing.assert_allclose(tool.rate_at(2.0)[:, 3], 0.0, atol=1e-9)

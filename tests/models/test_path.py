@@ -30,7 +30,7 @@ def test_path_turns_as_its_heading_and_curvature_say():
     step = distance[1] - distance[0]
     position, heading, curvature = path.points_at(distance)
     middle = 0.5 * (heading[1:] + heading[:-1])
-    # Largest change of curvature in a step: that of the turn by the smallest angle, 1 / (radius^2 angle), times the
+    # Largest change of curvature in a step, in the turn by the smallest angle, 1 / (radius^2 angle), times the
     # slope in the middle of the smoothstep.
     change = 630 / 256 * step / (0.3**2 * np.arctan(0.1))
     np.testing.assert_allclose(np.diff(position) / step, np.exp(1j * middle), atol=step * change)

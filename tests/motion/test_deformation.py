@@ -121,7 +121,7 @@ def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, ph
 
 def test_a_deformation_that_never_changes_is_the_body_as_it_is() -> None:
     mesh = rc.shapes.sphere(0.2, subdivisions=3)
-    # Matt, so that every phase is that of its place on the surface.
+    # Matt, so that every phase belongs to its place on the surface.
     bodies = [
         rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.5, 0.1, 0.0]), deformation=deformation)
         for deformation in (None, lambda _: mesh.vertices, rc.Deformation([0.0, 1.0], [mesh.vertices] * 2))

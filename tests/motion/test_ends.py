@@ -89,7 +89,7 @@ def test_vertices_and_what_is_at_rest_where_it_ends_rest_without_a_word() -> Non
 
 
 def test_epochs_are_rounded_without_complaint() -> None:
-    start = 1.7e9  # [s]; numbers there are 2e-7 s apart
+    start = 1.7e9  # [s]; the spacing of numbers there is 2e-7 s
     motion = rc.Trajectory([start, start + 1.0], [rc.Pose(), rc.Pose([1.0, 0.0, 0.0])], extrapolate="error")
     motion.at(start + 1.0 + 4e-7)
     with pytest.raises(ValueError, match="time: expected"):

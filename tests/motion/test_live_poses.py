@@ -70,7 +70,7 @@ def test_tumbling_motion_has_the_given_poses_and_rates_and_is_smooth(seed: int) 
         live.update(time, pose, velocity, turning)
     for time, pose, (velocity, turning) in zip(times, poses, 5.0 * rates, strict=True):
         expected = np.column_stack([np.cross(turning, pose.rotation, axisb=0).T, velocity])
-        # From both sides: what a rate that is continuous changes by in a nanosecond, at accelerations of 1e4 / s^2.
+        # From both sides: change of a continuous rate in a nanosecond, at accelerations of 1e4 / s^2.
         for side in (-1e-9, 0.0, 1e-9):
             np.testing.assert_allclose(live.rate_at(time + side), expected, rtol=0, atol=1e-4), f"seed {seed}"
             np.testing.assert_allclose(live.at(time + side).rotation, pose.rotation, rtol=0, atol=1e-7)

@@ -1,4 +1,4 @@
-"""Refusals of poses, motions and deformations. What `check` itself refuses is in tests/test_check.py."""
+"""Refusals of poses, motions and deformations. Errors of `check` itself are in tests/test_check.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of directions: what is drawn where, in which axes, and with which sides."""
+"""Pictures of directions: drawn objects, their axes and sides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of several panels, names and titles: what is written stays apart."""
+"""Figures of several panels: names and titles do not overlap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of images and frames: what is drawn where."""
+"""Pictures of images and frames: drawn objects and their places."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_axes_hold_all_detections_and_without_a_truth_all_that_the_radar_sees() 
     for real, end in ((True, wf.max_range), (False, 2.0 * wf.max_range)):
         assert plot.range_profile(frame(truth=False, real=real)).get_xlim()[1] == pytest.approx(end)
     near: Any = plot.range_doppler_map(frame(num_samples=512))
-    assert near.get_ylim()[1] < 0.5 * frame(num_samples=512).radar.waveform.max_range, "what is known is shown large"
+    assert near.get_ylim()[1] < 0.5 * frame(num_samples=512).radar.waveform.max_range, "known pixels are large"
 
 
 def test_map_takes_one_channel_a_dynamic_range_and_a_farthest_range() -> None:

@@ -1,4 +1,4 @@
-"""Pictures over time and from above: what is drawn where."""
+"""Pictures over time and from above: drawn objects and their places."""
 
 from __future__ import annotations
 

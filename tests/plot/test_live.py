@@ -1,4 +1,4 @@
-"""The live view: what it shows is where the truth is, it does not grow, and it ends cleanly however frames end."""
+"""The live view shows targets at their true places, does not grow, and ends cleanly with any end of frames."""
 
 from __future__ import annotations
 
@@ -455,7 +455,7 @@ def test_key_shows_what_is_static() -> None:
     pressed = []
 
     def frames(canvas: Any) -> list[Frame]:
-        def events(_: float) -> None:  # in the thread of the window, as those of a user
+        def events(_: float) -> None:  # in the thread of the window, like a user's
             shown = [text.get_text() for ax in canvas.figure.axes for text in ax.texts]
             if not pressed and any("frame 2" in text for text in shown):
                 pressed.append("m")

@@ -1,4 +1,4 @@
-"""All pictures: what they refuse, and that importing and drawing touch nothing global."""
+"""All pictures: their errors, and no global effect of import and drawing."""
 
 from __future__ import annotations
 

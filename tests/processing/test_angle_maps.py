@@ -22,7 +22,7 @@ BIN = 20
 FINE = np.deg2rad(np.arange(-90.0, 90.1, 0.25))
 METHODS = ("bartlett", "capon", "music", "fft")
 GAIN = WAVEFORM.num_samples / 1.5
-"""Power of a tone over that of noise, added by the range transform with a Hann window (mean square over mean)."""
+"""Power of a tone over noise, added by the range transform with a Hann window (mean square over mean)."""
 
 
 def row(number: int, spacing: float = 0.5, axis: int = 1) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def test_bartlett_of_one_target_is_the_array_factor_times_the_power_of_a_channel
     power = rc.range_angle(samples, EIGHT, method=method, azimuth=FINE)[BIN]
     expected = array_factor(8, np.sin(FINE) - np.sin(np.deg2rad(25.0)))
     of_channel = (np.abs(rc.range_profile(samples, EIGHT)[:, :, BIN]) ** 2).mean()
-    # The beat frequency is that of each channel's own delay: sines are scaled within 0.1 % by the centre of the band.
+    # The beat frequency follows each channel's own delay: sines are scaled within 0.1 % by the centre of the band.
     np.testing.assert_allclose(power / of_channel, expected, atol=2e-3)
 
 

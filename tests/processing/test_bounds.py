@@ -33,7 +33,7 @@ DOWN = rc.Waveform(start_frequency=62.5e9, slope=-3.5e12, sample_rate=64e3, num_
 RANGE, VELOCITY, SNR_DB = 3.1, 0.7, 12.0
 
 EXACT = 1e-4
-"""What the closed forms leave out, the delay within ``slope * delay**2 / 2``, counts less than this."""
+"""The part neglected by the closed forms, the delay within slope * delay**2 / 2, counts less than this."""
 
 
 def echo(waveform: rc.Waveform, distance: float, velocity: float, since: float) -> NDArray[np.complex128]:
@@ -103,7 +103,7 @@ def test_up_down_bound_is_that_of_two_exact_chirps_of_one_target(delay: float) -
     middle = 0.25 * (ONE.duration + DOWN.duration) + 0.5 * delay  # between the middles, after the start of `up`
 
     def beats(parameters: Array) -> NDArray[Any]:
-        """What two chirps tell without their curvature: each its frequency in the middle."""
+        """Information of two chirps without their curvature: each its frequency in the middle."""
         distance, velocity, *phases = parameters
         parts = []
         for wf, since, turn in ((ONE, middle, phases[0]), (DOWN, middle - delay, phases[1])):

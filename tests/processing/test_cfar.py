@@ -17,7 +17,7 @@ def test_factor_of_the_mean_is_the_published_one() -> None:
     # N (Pfa^(-1/N) - 1) for N = 20, Pfa = 1e-2.
     assert averaging_factor(20, 1e-2) == pytest.approx(5.1785, abs=5e-5)
     assert averaging_factor(0, 1e-2) == np.inf
-    # With ever more cells the mean is known, and the factor that of the exponential distribution.
+    # With ever more cells the mean is known, and the factor belongs to the exponential distribution.
     assert averaging_factor(1e9, 1e-6) == pytest.approx(-np.log(1e-6), rel=1e-7)
 
 
@@ -41,8 +41,8 @@ def test_factors_for_several_looks_are_continuous_in_them_and_known_for_one_trai
 @pytest.mark.parametrize("method", ["ca", "os"])
 @pytest.mark.parametrize("axes", [1, 2], ids=["1-D", "2-D"])
 def test_false_alarms_are_as_rare_as_set_in_the_middle_and_at_the_edges(axes: int, method: str, num_looks: int) -> None:
-    # Maps narrower than two windows: most cells have a cut window. Bounds: 5 standard deviations of the counts, which
-    # with overlapping windows are taken as twice those of independent cells; below 10 % of the rate.
+    # Maps narrower than two windows: most cells have a cut window. Bounds: 5 standard deviations of the counts, doubled
+    # for overlapping windows; below 10 % of the rate.
     rate, shape = 1e-2, (600, 24, 20)
     power = np.random.default_rng(axes + 2 * num_looks).gamma(num_looks, size=shape).astype(np.float32)
     guard, training = (1, 6) if axes == 1 else ((1, 2), (3, 3))

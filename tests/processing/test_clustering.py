@@ -71,7 +71,7 @@ def test_velocity_keeps_apart_what_has_one_range() -> None:
 
 
 def test_distance_is_that_in_space_where_there_are_angles() -> None:
-    # 60 degrees apart at 2 m: 2 m, whatever the ranges say; the same elevations up.
+    # 60 degrees at 2 m: a distance of 2 m at any ranges; the same in elevation.
     sides = detections([2.0, 2.0, 2.0], None, np.deg2rad([-30.0, 30.0, 30.0]), np.deg2rad([0.0, 0.0, 60.0]))
     assert labels(sides, distance=1.9) == [0, 1, 2]
     assert labels(sides, distance=2.0 + 1e-9) == [0, 0, 0]

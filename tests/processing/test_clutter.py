@@ -67,7 +67,7 @@ def test_noise_of_the_receiver_is_that_of_the_map(output: str) -> None:
     of = rc.Radar(wf, receiver=rc.Receiver(output=output, noise_figure_db=12.0))
     frame = rc.Simulator(rc.Scene(), of).frame()
     level = processing.noise_level(np.abs(rc.range_doppler(frame)) ** 2)
-    # The median of 1000 or 2000 cells, of which about a quarter are independent: 1 / (ln 2 sqrt(270)) is 9 %.
+    # The median of 1000 or 2000 cells, about a quarter of them independent: 1 / (ln 2 sqrt(270)) is 9 %.
     windows = [0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n) for n in (64, 32)]
     assert known_noise(frame, *windows) == pytest.approx(level, rel=0.36)
     for radar in (rc.Radar(wf), rc.Radar(wf, receiver=rc.Receiver())):
@@ -82,7 +82,7 @@ def test_noise_is_not_known_in_other_units_and_beyond_thermal_noise(tmp_path: Pa
     for changes in ({"gain_db": 20.0}, {"low_pass": 5e5}, {"phase_noise": ((1e5, -80.0),)}):
         other = replace(frame, radar=rc.Radar(wf, receiver=replace(plain, **changes)))
         assert known_noise(other, one) is None
-    # Codes of an ADC, also after a filter took them; counts, and numbers of which nothing is told, of bare files.
+    # Codes of an ADC, also after a filter took them; counts, and numbers of bare files without a unit.
     codes = replace(frame, raw=np.full((1, 4, 16), 2048, np.uint16))
     rested = rc.remove_static(codes, [0.0, 0.0, 0.0])
     recordings = [rc.Recording.from_frames([one_of]) for one_of in (codes, rested)]

@@ -124,7 +124,7 @@ def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, 
         snr_in_cell.append(best.snr_db[0])
     errors_, covariances_ = np.array(errors), np.array(covariances)
 
-    # The bound of 9 cells of Hann windows is 1.26 to 1.34 times that of all samples; a mean square of 150 errors
+    # The bound of 9 cells of Hann windows is 1.26 to 1.34 times the bound of all samples; a mean square of 150 errors
     # scatters by 12 %, its root by 6 %.
     rms = np.sqrt(np.mean(errors_**2, axis=0))
     bound = np.sqrt(least_variance(of, 2.0 * snr))
@@ -154,7 +154,7 @@ def test_errors_of_all_four_coordinates_are_as_their_covariance_says() -> None:
 
 def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
     # All cells of a transform without a window are all samples: the information is the sum of squared phase slopes
-    # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of that of a tone of length 1.
+    # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of a tone of length 1.
     offsets = np.array([[0.0, 0.1], [0.3, 0.0], [-0.5, 0.2]])
     n = np.arange(8)
     slow, fast = (np.exp(2j * np.pi * np.multiply.outer(offset, n) / 8) for offset in offsets.T)
@@ -223,7 +223,7 @@ def test_weak_echoes_above_the_sidelobes_of_a_strong_one_are_found() -> None:
         cube = target(of, 3.0, 0.3) + target(of, 3.0 + 6.3 * bin_, 0.3 + 2.0 * step, 0.01) + 1e-3 * noise(of, rng)
         found = rc.detect(cube, of)
         assert found.range == pytest.approx([3.0, 3.0 + 6.3 * bin_], abs=0.1 * bin_)
-        # 3.5 bins apart, equally strong: two echoes, not one.
+        # At a distance of 3.5 bins, equally strong: two echoes, not one.
         cube = target(of, 3.0, 0.3) + target(of, 3.0 + 3.5 * bin_, 0.3) + 1e-2 * noise(of, rng)
         assert len(rc.detect(cube, of)) == 2
 
@@ -348,7 +348,7 @@ def test_limits_of_range_and_the_first_bins() -> None:
     assert rc.detect(cube, of).range == pytest.approx([1.5, 3.0], abs=0.01)
     assert rc.detect(cube, of, min_range=2.0).range == pytest.approx([3.0], abs=0.01)
     assert rc.detect(cube, of, max_range=2.0).range == pytest.approx([1.5], abs=0.01)
-    near = 100.0 * target(of, 0.1, 0.0) + 0.1 * noise(of, np.random.default_rng(13))  # what leaks
+    near = 100.0 * target(of, 0.1, 0.0) + 0.1 * noise(of, np.random.default_rng(13))  # leakage
     assert len(rc.detect(near, of)) == 0
     assert len(rc.detect(near, of, min_range=0.0)) == 1
 

@@ -73,7 +73,7 @@ def test_single_target_has_its_direction_or_nan_where_the_array_tells_none(
 
 @pytest.mark.parametrize("spacing", [0.7, 1.0, 2.0])
 def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: float) -> None:
-    # Sines 1 / spacing apart give the same phases: those within half of it of the front come out as they are.
+    # Sines that differ by 1 / spacing give the same phases: sines within half of it of the front stay unchanged.
     warned = pytest.warns(UserWarning, match=f"ambiguous beyond {np.rad2deg(np.arcsin(0.5 / spacing)):.0f} deg")
     radar = rc.Radar(WAVEFORM, rx=row(6, spacing), tx=row(2, spacing, axis=2))
     sines = RNG.uniform(-0.45, 0.45, (50, 2)) / spacing
@@ -163,7 +163,7 @@ def test_most_wrong_directions_of_three_channels_are_flagged() -> None:
     )
     truth = unit_vectors(azimuth, elevation)
     error = np.linalg.norm(unit_vectors(found.azimuth, found.elevation) - truth, axis=-1).min(axis=0)
-    is_wrong = error > 0.3  # a third of the beam of two channels half a wavelength apart
+    is_wrong = error > 0.3  # a third of the beam of two channels with half-wavelength spacing
     assert is_wrong.mean() > 0.1
     assert (~found.is_resolved[is_wrong]).mean() >= 0.9
     assert alone.is_resolved.mean() >= 0.988  # false alarms: 1 %
@@ -211,8 +211,8 @@ def test_movement_between_the_turns_of_transmitters_is_taken_off() -> None:
     azimuth = np.deg2rad([-40.0, 0.0, 25.0])
     snapshots = echoes(radar, azimuth, 0.0, velocity=8.0)
     np.testing.assert_allclose(rc.directions(snapshots, radar, velocity=np.full(3, 8.0)).azimuth, azimuth, atol=EXACT)
-    # 8 m/s turns the next transmitter's channels by 2 pi 2 v dt / wavelength = 0.40 rad: in the sine by as much as
-    # 0.40 / (2 pi 2) = 1.8 degrees at the front, where the blocks of four hold the estimate only weakly.
+    # 8 m/s turns the next transmitter's channels by 2 pi 2 v dt / wavelength = 0.40 rad: in the sine by 0.40 / (2 pi 2)
+    # = 1.8 degrees at the front, where the blocks of four hold the estimate only weakly.
     without = rc.directions(snapshots, radar).azimuth
     assert (np.abs(without - azimuth) > np.deg2rad(1.5)).all()
     nothing = rc.directions(snapshots, radar, velocity=[np.nan] * 3).azimuth

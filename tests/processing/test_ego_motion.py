@@ -1,4 +1,4 @@
-"""Echoes of what stands still, seen from a moving sensor: taken off, while what moves stays."""
+"""Static echoes, seen from a moving sensor, are removed; moving targets stay."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_filter_is_a_projection_of_iq_samples_and_linear() -> None:
         np.testing.assert_allclose(rc.remove_static(once, [0.3, 0.1, 0.0], method=method).cube, once.cube, atol=1e-12)
         scaled = rc.remove_static(with_cube(noise, 2j * cube), [0.3, 0.1, 0.0], method=method)
         np.testing.assert_allclose(scaled.cube, 2j * once.cube, atol=1e-12)
-        # Of white noise, what is taken off is a few dimensions of 64.
+        # White noise loses a few dimensions of 64.
         assert 0.85 < np.mean(np.abs(once.cube) ** 2) / np.mean(np.abs(cube) ** 2) < 1.0
 
 

@@ -1,4 +1,4 @@
-"""What processing takes: cubes with a waveform or radar, frames and recordings."""
+"""Inputs of processing: cubes with a waveform or radar, frames and recordings."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_frame_is_a_recording_of_one_over_time(history: Callable[..., Any]) -> N
 
 
 def test_codes_of_a_frame_are_in_full_scale_over_time_too() -> None:
-    """Whose noise is not that of the receiver's figure."""
+    """Its noise differs from the receiver's figure."""
     receiver = rc.Receiver(noise_figure_db=10.0, output="real")
     codes = np.full(CUBE.shape[1:], 2048, np.uint16)
     frame = rc.Frame(CUBE[0], 0.0, rc.Radar(WAVEFORM, rx=RADAR.rx, receiver=receiver), raw=codes)

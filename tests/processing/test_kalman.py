@@ -61,7 +61,7 @@ def test_steady_gain_is_that_of_the_alpha_beta_filter_of_kalata(index: float) ->
     root = np.sqrt(index**2 + 8.0 * index)
     alpha = -(index**2 + 8.0 * index - (index + 4.0) * root) / 8.0
     beta = (index**2 + 4.0 * index - index * root) / 4.0
-    np.testing.assert_allclose(gain * [1.0, interval], [alpha, beta], rtol=1e-9)  # what 300 steps leave
+    np.testing.assert_allclose(gain * [1.0, interval], [alpha, beta], rtol=1e-9)  # residual after 300 steps
 
 
 @pytest.mark.parametrize("index", [0.1, 5.0])

@@ -32,7 +32,7 @@ def peak_of(frame: rc.Frame, **limits: float) -> processing.Peak:
 
 @pytest.fixture(scope="module")
 def real() -> rc.Recording:
-    """Recording of a real sensor, in front of which a person moves."""
+    """Recording of a real sensor with a moving person."""
     return rc.Recording.load(real_recording())
 
 
@@ -64,7 +64,7 @@ def test_echo_is_found_beside_leakage_that_is_much_louder(settings: dict[str, An
     wf = frame.radar.waveform
     loudest, peak = peak_of(frame, min_range=0.0), peak_of(frame)
     assert loudest.power > 1e3 * peak.power
-    # Noise at 17 dB and more is a tenth of a bin; what leakage leaves there adds some.
+    # Noise at 17 dB and more is a tenth of a bin; residual leakage adds some.
     assert abs(peak.range - distance) < 0.5 * wf.range_resolution
     found = rc.detect(frame)
     assert len(found) == 1
@@ -72,7 +72,7 @@ def test_echo_is_found_beside_leakage_that_is_much_louder(settings: dict[str, An
 
 
 def test_limit_of_range_that_is_given_is_the_only_one() -> None:
-    """What a user asks for is what is searched, leakage or not; samples of no ADC have no leakage to leave out."""
+    """The search covers the user's limits, with or without leakage; samples without an ADC have no leakage to skip."""
     frame = measured().frame()
     width = frame.radar.waveform.range_resolution
     peak_of(frame, min_range=0.5 * width, max_range=8.0 * width)  # a sidelobe of the leakage

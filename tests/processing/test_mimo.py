@@ -1,4 +1,4 @@
-"""Doppler-division multiplexing taken apart. With simulated frames: simulate/test_schedules.py."""
+"""Separation of Doppler-division multiplexing. With simulated frames: simulate/test_schedules.py."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def body(x: float, y: float, speed: float, time: float) -> Array:
-    """Echoes of a walker along x, (4, 4): trunk, two legs of which one stands at a time, an arm. Rows as in `POST`."""
+    """Echoes of a walker along x, (4, 4): trunk, two legs (one at rest at a time), an arm. Rows as in `POST`."""
     swing = np.sin(2.0 * np.pi * 0.9 * time)
     leg, arm = speed * (1.0 + swing), speed * (1.0 - 0.5 * swing)
     return np.array(

@@ -20,7 +20,7 @@ UP, DOWN = 1.0, -1.0
 
 PEAK_ERROR = 1e-3
 """Error of a single target in bins, Hann windows. The log of their spectrum is -0.645 x^2 - 0.041 x^4; a parabola
-through three points h = 1/4 apart, the middle one d off, errs by 0.064 d (h^2 - 4 d^2), at most 2e-4. The mirror
+through three points with spacing h = 1/4, the middle one d off, errs by 0.064 d (h^2 - 4 d^2), at most 2e-4. The mirror
 image of a real tone, 8 bins off or more, adds 1 / (pi 8^3) of the amplitude, about as much again."""
 
 

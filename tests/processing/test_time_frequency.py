@@ -86,7 +86,7 @@ def test_oscillating_point_has_its_velocity_in_every_column_and_its_largest_as_e
     wf = recording.radar.waveform
     found = spectrogram(recording, window_length=16, num_velocity_bins=512)
     velocity = largest * np.cos(2.0 * np.pi * frequency * found.time)
-    # The window is symmetric about `time`, the velocity to first order too; what is left is the third derivative,
+    # The window is symmetric about `time`, the velocity to first order too; the residual is the third derivative,
     # and cells of 1/16 of a 32-chirp bin.
     assert np.abs(strongest_velocity(found) - velocity).max() <= 0.1 * wf.velocity_resolution
     envelope = found.velocity[(found.power > 0.5 * found.power.max()).any(axis=0)]
@@ -106,7 +106,7 @@ def test_column_of_a_whole_frame_is_the_power_of_its_range_doppler_map() -> None
 
 def test_times_are_the_middles_of_the_windows() -> None:
     recording = record(steady(2.4, 0.4), times=[3.0, 3.1])
-    # A periodic window of n has its middle at n/2; fast time adds that of the samples.
+    # A periodic window of n has its middle at n/2; fast time adds the middle of the samples.
     fast = 5e-6 + 32 / 2e6
     np.testing.assert_allclose(spectrogram(recording).time, [3.0 + 16 * 400e-6 + fast, 3.1 + 16 * 400e-6 + fast])
     starts = np.array([0, 4, 8, 12, 16, 20, 24])

@@ -123,7 +123,8 @@ def test_lost_frames_are_bridged_for_a_time(max_gap: float | None, number: int) 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_crossing_targets_keep_their_identity(seed: int) -> None:
-    """They meet at 3 m in the middle, 2 m/s apart; the detections are in order of range, not of target."""
+    """They meet at 3 m in the middle with a difference of 2 m/s; the detections are in order of range, not of
+    target."""
     number = 160
     values = np.stack([moving(1.0, 1.0, number), moving(5.0, -1.0, number)], axis=1)
     values += ERRORS[:2] * np.random.default_rng(seed).standard_normal(values.shape)
@@ -148,7 +149,7 @@ def test_late_target_gets_a_track_of_its_own() -> None:
 
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_targets_at_one_range_are_told_apart_by_their_angles(dimensions: int) -> None:
-    """Both at 3 m and at rest, 30 degrees apart: in azimuth, or in elevation."""
+    """Both at 3 m and at rest with a difference of 30 degrees: in azimuth, or in elevation."""
     first, second = np.deg2rad([-15.0, 15.0])
     rows = [[3.0, *[0.0] * (dimensions - 1), angle] for angle in (first, second)]
     tracks = track(stream(np.broadcast_to(rows, (60, 2, dimensions + 1))))
@@ -283,7 +284,7 @@ def test_nothing_is_assigned_beyond_the_gate() -> None:
     assert gate_limits(0.99)[2] == pytest.approx(radius**2)
     for scale, number in ((0.999, 1), (1.001, 0)):
         assert len(pairs_of([[0.0, 0.0]], [0.5], scale * radius * np.array([[np.sqrt(0.5), np.sqrt(0.5)]]))) == number
-    # What was not measured at all belongs to nobody.
+    # Unmeasured values belong to no track.
     assert pairs_of([[0.0, 0.0]], [0.5], [[NAN, NAN]]) == []
 
 
@@ -416,7 +417,7 @@ def recording(number: int, truth: Truth | None = None) -> Recording:
 
 
 def test_recording_is_tracked_by_a_detector_of_its_frames() -> None:
-    """Velocities are then known modulo those of the waveform, unless something else is set."""
+    """Velocities are then known modulo the waveform's limits, unless something else is set."""
     rec = recording(30)
     limit = rec.radar.waveform.max_velocity
 

@@ -39,7 +39,7 @@ def echo(waveform: rc.Waveform, distance: float, velocity: float, amplitude: Any
 
 
 def noisy(samples: NDArray[Any], snr_db: float, number: int, seed: int) -> NDArray[Any]:
-    """Trials (trial, channel, chirp, sample); the ratio is that of powers per sample, of real samples too."""
+    """Trials (trial, channel, chirp, sample); the ratio is of powers per sample, of real samples too."""
     rng = np.random.default_rng(seed)
     shape = (number, *samples.shape)
     deviation = np.sqrt(0.5 * 10.0 ** (-0.1 * snr_db))

@@ -1,4 +1,4 @@
-"""Waveforms from requirements: those that can be had are met, those that cannot are named with what can."""
+"""Waveforms from requirements: possible ones are met, conflicts are named with the limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of a radar that are hardly meant warn once, at the user's line; those that cannot be meant are refused."""
+"""Implausible settings of a radar warn once, at the user's line; impossible ones raise errors."""
 
 from __future__ import annotations
 

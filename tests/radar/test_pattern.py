@@ -112,7 +112,7 @@ def test_straight_up_and_down_have_the_gain_at_azimuth_zero() -> None:
 
 def test_table_of_a_gaussian_beam_gives_its_frames_within_the_error_of_interpolation() -> None:
     # In decibels the beam is c (angle / width)^2 with c = 40 lg 2: a chord over a step h lies below it by at most
-    # c (h / width)^2 / 4, in each axis. The amplitude of a pair has half of that of each antenna, in decibels of power.
+    # c (h / width)^2 / 4, in each axis. The amplitude of a pair has half of each antenna, in decibels of power.
     beam, step = rc.GaussianPattern(6.0, 60.0, 40.0), 5.0
     error_db = 40.0 * np.log10(2.0) * ((step / 60.0) ** 2 + (step / 40.0) ** 2) / 4.0
     table = table_of(beam, step)
@@ -202,7 +202,7 @@ def test_azimuths_repeat_after_a_whole_turn(pattern: Pattern) -> None:
 def test_table_makes_the_round_trip_through_json_and_pickle() -> None:
     for pattern in (TABLE, rc.IsotropicPattern(1.0), rc.GaussianPattern(1.0, 2.0, 3.0)):
         pattern.gain(0.0, 0.0)
-        assert pattern._core is not None  # what the core has of it stays behind
+        assert pattern._core is not None  # the core's part stays behind
         for again in (
             pattern_from_dict(json.loads(json.dumps(pattern_to_dict(pattern)))),
             pickle.loads(pickle.dumps(pattern)),

@@ -64,7 +64,7 @@ def test_bgt60tr13c_sees_ten_metres_at_40_hz() -> None:
     wf = radar.waveform
     assert (wf.sample_rate, wf.num_samples, wf.num_chirps) == (2e6, 128, 64)
     assert (wf.adc_delay, wf.chirp_interval, wf.frame_interval) == (3.1125e-6, 300e-6, 25e-3)
-    # 60 to 61 GHz in 3.1125 + 64 us, of which 64 us are sampled: 954 MHz, c / (2 B) = 0.1572 m, 64 bins of it.
+    # 60 to 61 GHz in 3.1125 + 64 us, 64 us sampled: 954 MHz, c / (2 B) = 0.1572 m, 64 bins of it.
     assert wf.start_frequency == 60e9
     assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(61e9, rel=1e-15)
     assert radar.max_unambiguous_range == pytest.approx(10.06, abs=0.005)
@@ -112,7 +112,7 @@ def test_bgt60tr13c_takes_times_that_requirements_leave_free() -> None:
 def test_bgt60tr13c_samples_5_ghz_of_its_sweep_at_power_up() -> None:
     radar = power_up()
     wf = radar.waveform
-    # 58 to 63.5 GHz in 3.1125 + 32 us, of which 32 us are sampled: 5.5 GHz * 32 / 35.1125, table value 5.0125 GHz.
+    # 58 to 63.5 GHz in 3.1125 + 32 us, 32 us sampled: 5.5 GHz * 32 / 35.1125, table value 5.0125 GHz.
     assert abs(wf.bandwidth - 5.0125e9) <= 0.5e5
     assert wf.start_frequency + wf.slope * (wf.adc_delay + 64 / 2e6) == pytest.approx(63.5e9, rel=1e-15)
     assert (wf.start_frequency, wf.sample_rate, wf.num_samples, wf.num_chirps) == (58e9, 2e6, 64, 64)

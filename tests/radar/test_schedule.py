@@ -57,7 +57,7 @@ def test_ddm_weights_turn_by_their_share_from_chirp_to_chirp() -> None:
 
 
 def test_weights_of_angles_are_those_of_the_textbook() -> None:
-    """Two antennas half a wavelength apart: pi sin(azimuth) between them, the nearer one behind."""
+    """Two antennas with half-wavelength spacing: pi sin(azimuth) between them, the nearer one behind."""
     wavelength = 4e-3
     tx = np.array([[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]])
     weights = rc.Schedule.steered(azimuth=np.deg2rad(30.0)).tx_weights(tx, wavelength, 3)

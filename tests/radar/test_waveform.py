@@ -178,7 +178,7 @@ def test_replace_keeps_the_delay_of_a_waveform_that_starts_late() -> None:
     np.testing.assert_array_equal(late.replace(chirp_times=times).chirp_times, times)
     back_to_back = rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=100, num_chirps=4)
     longer = back_to_back.delayed(1e-3).replace(num_chirps=8)
-    assert longer.frame_interval == pytest.approx(800e-6, rel=4 * EPS)  # that of the chirps, as where it was delayed
+    assert longer.frame_interval == pytest.approx(800e-6, rel=4 * EPS)  # of the chirps, as for a delayed one
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_odd_codes_have_their_width_in_the_upper_three_quarters_and_even_ones_be
     # Steps of the ramp are 0.7 of a code: shares of thousands of codes within 1 %.
     assert np.mean(codes[upper] & 1) == pytest.approx(0.13, abs=0.01)
     assert np.mean(codes[lower] & 1) == pytest.approx(0.87, abs=0.01)
-    # Equal widths are those of an ideal ADC, but for samples within rounding of the border.
+    # Equal widths are an ideal ADC, except for samples within rounding of the border.
     differ = received(adc(adc_errors=rc.AdcErrors(odd_width=1.0)), ramp()) != received(adc(), ramp())
     assert differ.mean() < 1e-3
     assert (np.diff(codes.ravel().astype(int)) >= 0).all()

@@ -29,7 +29,7 @@ def cube(
 
 
 def butterworth(ratio: float, order: int) -> float:
-    """Level of a low-pass at a ratio of frequency to corner; of a high-pass at that of corner to frequency."""
+    """Level of a low-pass at a ratio of frequency to corner; of a high-pass at the ratio of corner to frequency."""
     return 1.0 / np.sqrt(1.0 + ratio ** (2 * order))
 
 
@@ -84,7 +84,7 @@ def test_all_kinds_of_paths_are_weighted(sampling: str) -> None:
     np.testing.assert_array_equal(weighted.delay, ideal.delay)
     if sampling == "adaptive":  # reflections from wall to wall are among them
         assert rc.Simulator(surfaces(), radar(None), **options).frame().stats["bounce_paths"] > 0
-    # The beat signal has the conjugate of amplitudes, TX times that of RX.
+    # The beat signal has the conjugate of amplitudes: TX times conjugate RX.
     expected = ideal.amplitude * filter_gain(filters, WAVEFORM.slope * ideal.delay).conj()
     scale = abs(ideal.amplitude).max()
     np.testing.assert_allclose(weighted.amplitude, expected, rtol=1e-3, atol=1e-9 * scale)

@@ -60,7 +60,7 @@ def test_filter_is_that_of_butterworth(order: int) -> None:
     low_pass, frequency = LowPass(2e5, order), np.linspace(-2e6, 2e6, 101)
     numerator, denominator = butter(order, 2.0 * np.pi * low_pass.cutoff, analog=True)
     expected = freqs(numerator, denominator, 2.0 * np.pi * frequency)[1]
-    # Partial fractions of order 16 are as large as 1e3: their sum is off by as many roundings.
+    # Partial fractions of order 16 are as large as 1e3: their sum has that many rounding errors.
     np.testing.assert_allclose(gain(low_pass, frequency), expected, rtol=0.0, atol=1e-11)
     assert abs(gain(low_pass, 2e5)) ** 2 == pytest.approx(0.5, rel=1e-9)
     band = low_pass.band(np.array([1.0, 1e-2, 1e-4, 1e-6]))
@@ -202,5 +202,5 @@ def test_receivers_near_each_other_have_the_samples_that_each_would_have_alone()
             *(getattr(arrivals, name)[k : k + 1] for name in ("delay", "delay_rate", "amplitude")), arrivals.sent_after
         )
         alone = beat_of_chirps(chirps, one, wf, wf.chirp_times, LowPass(5e5), 1.0)[0][0]
-        # 2 pi times 180 Hz over 500 kHz, in a response of which the slopes are about one over the cut-off.
+        # 2 pi times 180 Hz over 500 kHz, in a response with slopes of about one over the cut-off.
         assert np.linalg.norm(together[k] - alone) <= 2e-3 * np.linalg.norm(alone)

@@ -1,4 +1,4 @@
-"""Presets: the chip's steps of gain and filters, and the levels of the measured chain, those of its recordings."""
+"""Presets: the chip's steps of gain and filters, and the levels of the measured chain against its recordings."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_start_of_chirps_is_kicked_as_in_the_recordings() -> None:
 def test_leakage_has_the_range_profile_of_a_recording() -> None:
     """Within 2 dB in every one of the first ten bins where leakage is what was recorded.
 
-    The figures are those of the mean chirp of a public recording (58 to 63.5 GHz, 64 samples, 23 dB), less its mean,
+    The figures come from the mean chirp of a public recording (58 to 63.5 GHz, 64 samples, 23 dB), less its mean,
     in dB over 1 LSB, no window. RX1 and RX2 are leakage in all ten. The ramp of RX3 ends where it begins: from bin 3
     on there is less of it than of the room, whose first echoes stand in bins 10 to 13 with 51 dB.
     """
@@ -103,7 +103,7 @@ def test_leakage_has_the_range_profile_of_a_recording() -> None:
     spectrum = 20.0 * np.log10(abs(np.fft.rfft(mean - mean.mean(axis=1, keepdims=True)))[:, 1:10])
     for rx, levels in recorded.items():
         np.testing.assert_allclose(spectrum[rx, : len(levels)], levels, atol=2.0, err_msg=f"RX{rx + 1}")
-    # With a Hann window, bins 0 to 4: what is left of the ends of the ramp no longer covers the tones.
+    # With a Hann window, bins 0 to 4: the residual ends of the ramp no longer cover the tones.
     hann = np.fft.rfft((mean - mean.mean(axis=1, keepdims=True)) * np.hanning(65)[:-1])
     expected = [[73.7, 76.5, 68.0, 51.8, 46.6], [67.0, 68.3, 57.8, 54.3, 47.3], [56.7, 63.9, 59.1, 46.6, 38.1]]
     np.testing.assert_allclose(20.0 * np.log10(abs(hann[:, :5])), expected, atol=2.0)
@@ -111,7 +111,7 @@ def test_leakage_has_the_range_profile_of_a_recording() -> None:
 
 @pytest.mark.parametrize(("gain_db", "recorded"), [(23, 1.1), (50, 5.5), (55, 9.8)])
 def test_noise_from_chirp_to_chirp_follows_the_gain_as_in_the_recordings(gain_db: int, recorded: float) -> None:
-    """1.1, 5.5 and 9.8 codes: 7.3 at 50 dB, of which the low-pass leaves 0.73, beside the ADC's own 0.9.
+    """1.1, 5.5 and 9.8 codes: 7.3 at 50 dB, reduced to 0.73 by the low-pass, beside the ADC's own 0.9.
 
     With the offset of each chirp taken out, which 23 dB hardly exceeds; the kick at the start of chirps is part of it.
     """
@@ -138,7 +138,7 @@ def test_bgt60tr24_has_two_transmitters_and_a_square_of_receivers() -> None:
     assert radar.waveform.num_chirps == 32
     assert radar.is_real
     np.testing.assert_allclose(np.ptp(radar.rx, axis=0), [0.0, 3.5e-3, 3.5e-3])
-    # The channels fill a row of four by two, 3.5 mm apart.
+    # The channels fill a grid of four by two with a spacing of 3.5 mm.
     places = {tuple(row) for row in np.round(radar.virtual_array[:, 1:] / 3.5e-3, 6).tolist()}
     assert places == {(y, z) for y in (-1.5, -0.5, 0.5, 1.5) for z in (-0.5, 0.5)}
     assert rc.bgt60tr24(receiver=rc.Receiver()).receiver == rc.Receiver()

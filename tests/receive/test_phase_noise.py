@@ -122,7 +122,7 @@ def test_echoes_have_the_phase_noise_of_their_delay_short_range_less_than_long(d
     expected = variance(FALLING, 2.0 * distance / C)
     # 64 chirps of 128 nearly independent samples: 4 sqrt(2 / 8192) = 6 %.
     assert np.mean(np.angle(turn) ** 2) == pytest.approx(expected, rel=0.08)
-    # Phase alone, to second order in that of the longest delay, 15 m: at most an eighth of its square, at 5 sigma.
+    # Phase alone, to second order in the phase of the longest delay, 15 m: at most an eighth of its square, at 5 sigma.
     np.testing.assert_allclose(abs(turn), 1.0, rtol=0.0, atol=3.2 * variance(FALLING, 1e-7) + 1e-6)
 
 
@@ -154,7 +154,7 @@ def test_every_delay_has_the_integral_of_the_formula_at_every_slope(
 
 
 def test_near_and_far_echo_of_a_frame_have_their_own_phase_noise() -> None:
-    """What a strong near echo spreads over all ranges is that of its short delay."""
+    """The noise of a strong near echo over all ranges follows its short delay."""
     near, far = rc.PointTarget([0.15, 0.0, 0.0], rcs=1e-6), rc.PointTarget([6.0, 0.0, 0.0], rcs=2.56)
     noisy = radar(rc.Receiver(phase_noise=FALLING))
     both = rc.Simulator(rc.Scene([near, far]), noisy, resolution=8).frame().cube

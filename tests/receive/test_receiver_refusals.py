@@ -1,4 +1,4 @@
-"""Refusals of receivers. What `check` itself refuses is in tests/test_check.py."""
+"""Refusals of receivers. Errors of `check` itself are in tests/test_check.py."""
 
 from __future__ import annotations
 

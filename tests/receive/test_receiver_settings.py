@@ -1,4 +1,4 @@
-"""Settings of receivers: what is refused, kept in files, and off by default; any frame can be made again alone."""
+"""Settings of receivers: errors, files, and defaults; any frame can be made again alone."""
 
 from __future__ import annotations
 

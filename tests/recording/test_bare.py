@@ -1,4 +1,4 @@
-"""Bare samples: arrays in any order of axes, MAT files, raw numbers; what is missing is asked for by name."""
+"""Bare samples: arrays in any order of axes, MAT files, raw numbers; errors name missing facts."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def test_samples_go_from_minus_one_to_one_in_float32() -> None:
     samples = to_samples(CODES)
     assert samples.dtype == np.float32
     assert (samples[0], samples[-1]) == (-1.0, 1.0)
-    # 2 code / 4095 is rounded to float32 below 2, half a unit of which is 2**-24; the rest is exact or smaller.
+    # 2 code / 4095 is rounded to float32 below 2, with half a unit of 2**-24; the rest is exact or smaller.
     exact = 2.0 * CODES.astype(np.float64) / 4095.0 - 1.0
     assert np.abs(samples - exact).max() <= 1.01 * 2.0**-24
     # float32 by hand: 4096 / 4095 is nearest to 1 + 2049 * 2**-23; 3162 / 4095 to 12954715 * 2**-24.

@@ -1,4 +1,4 @@
-"""Folders of several recordings or sensors: what is in them, and which is meant."""
+"""Folders of several recordings or sensors: their contents, and the choice of one."""
 
 from __future__ import annotations
 

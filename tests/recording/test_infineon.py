@@ -340,7 +340,7 @@ def test_recording_is_replaced_only_when_asked_and_other_files_stay(tmp_path: Pa
     assert contents(path) == before
     other.save(path, format="infineon", overwrite=True)
     assert contents(path) == contents(tmp_path / "other") | {"notes.txt": b"precious"}
-    # Nor does the other format write over it.
+    # The other format does not write over it either.
     with pytest.raises(FileExistsError, match="not empty and no recording"):
         full_scale().save(path, overwrite=True)
 

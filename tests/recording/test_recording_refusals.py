@@ -1,4 +1,4 @@
-"""Frames, recordings and codes that do not fit together: what was expected, and what came."""
+"""Frames, recordings and codes that do not fit together: the expected and the given value."""
 
 from __future__ import annotations
 

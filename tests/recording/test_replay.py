@@ -12,7 +12,7 @@ from recordings import RADAR, WAVEFORM, assert_same, recording
 
 
 class Clock:
-    """A clock that goes on only when someone sleeps, or is told to."""
+    """A clock that advances only by sleep or by hand."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -43,7 +43,7 @@ def test_frames_are_replayed_when_they_are_due(clock: Clock, speed: float, scale
     due = []
     for one in of_times(*times).replay(speed=speed):
         due.append((one.time, clock.now))
-        clock.now += 0.005  # what the consumer takes does not add up
+        clock.now += 0.005  # the consumer's time does not add up
     assert [time for time, _ in due] == times
     np.testing.assert_allclose([now for _, now in due], 100.0 + scale * (np.array(times) - 7.0), atol=1e-9)
 

@@ -86,7 +86,7 @@ def test_radar_has_the_settings_of_the_configuration(tmp_path: Path) -> None:
 
 
 def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> None:
-    """Turns TX3, TX1, TX2 twice in a loop: three transmitters, twice the chirps; TX2 is the one that is higher."""
+    """Turns TX3, TX1, TX2 twice in a loop: three transmitters, twice the chirps; TX2 is higher."""
     scene = Scene(
         masks=(4, 1, 2) * 2, num_loops=8, elevation=np.deg2rad(12.0), azimuth=np.deg2rad(-15.0), velocity=-1.0
     )
@@ -103,7 +103,7 @@ def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> Non
 
 
 def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -> None:
-    """A frame lies in two files; the paths in the setup are those of somebody's Windows."""
+    """A frame lies in two files; the setup has Windows paths."""
     words = SCENE.numbers("lanes2")
     words[:9001].tofile(tmp_path / "adc_data_Raw_0.bin")
     words[9001:].tofile(tmp_path / "adc_data_Raw_1.bin")

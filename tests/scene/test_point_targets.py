@@ -122,7 +122,7 @@ def test_frame_is_the_sum_of_the_frames_of_its_targets() -> None:
     radar = rc.Radar(waveform(), tx=TX, rx=RX)
     together = simulate(targets, radar)
     alone = np.sum([simulate([target], radar) for target in targets], axis=0)
-    # Every frame may follow the motion with as many delays as it needs: each is right to 1e-9.
+    # Every frame may follow the motion with enough delays: each is right to 1e-9.
     assert relative_error(together, alone) <= 5 * CLOSED_FORM, f"seed {seed}"
 
 

@@ -1,4 +1,4 @@
-"""Scene files: what they describe is what Python would have built."""
+"""Scene files describe the objects that Python would have built."""
 
 import runpy
 from pathlib import Path

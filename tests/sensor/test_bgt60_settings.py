@@ -73,7 +73,7 @@ def test_sensor_adc_averages_as_long_as_the_chirp_allows() -> None:
 
 def test_transmitter_off_has_no_power() -> None:
     off = registers_of(Settings(is_transmitting=False, rx_mask=4), 2)
-    # Neither TX1_EN nor LO_DIST1, which RX2 and TX share.
+    # Not TX1_EN, and not LO_DIST1, which RX2 and TX share.
     assert (off[0x10], off[0x11]) == (0x130450, 0x4FF400)
     assert achieved(Settings(is_transmitting=False)).tx_power_level == 0
 

@@ -1,4 +1,4 @@
-"""ComLib boards configured for a radar: what they come near to, and boards that are refused."""
+"""ComLib boards configured for a radar: their nearest settings, and unsupported boards."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_frames_come_as_they_were_sent():
 
 
 class Clock:
-    """Time that goes on by hand [s]."""
+    """Time advanced by hand [s]."""
 
     now = 0.0
 

@@ -35,7 +35,7 @@ OUTER = rc.Radar(SMALL.waveform, tx=SMALL.tx, rx=SMALL.rx[[0, 2]], receiver=SMAL
 
 
 def check_numbers(frames):
-    """The first frames of a measurement, but for those that were lost before them and told."""
+    """The first frames of a measurement, except for reported losses before them."""
     lost = np.cumsum([frame.lost_before for frame in frames])
     assert [number_of(frame.raw) for frame in frames] == list(range(len(frames)) + lost)
 
@@ -76,7 +76,7 @@ def test_temperature_is_that_of_the_chip_idle_and_measuring(transport):
         sensor.configure(SMALL)
         frames = sensor.frames()
         next(frames)
-        sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+        sensor._board._temperature = (-1.0, 0.0)  # earlier data is invalid
         assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
         assert next(frames).stats["index"] == 1
         frames.close()
@@ -162,7 +162,7 @@ def test_captured_conversation_plays_without_the_board(tmp_path):
         again = list(sensor.frames(5))
     assert [number_of(frame.raw) for frame in again] == [0, 1, 2, 3, 4]
     assert [frame.time for frame in again] == [frame.time for frame in first]
-    # A program that asks something else is told so.
+    # A program with another request gets an error.
     with open_sensor(f"capture:{path}") as sensor:
         sensor.configure(LARGE)
         with pytest.raises(SensorError, match="expected"):
@@ -187,7 +187,7 @@ def test_capture_of_comlib_plays_without_its_name(tmp_path):
 
 
 def test_capture_on_a_full_disk_is_a_warning_and_plays_up_to_it(tmp_path):
-    """The board goes on, and is stopped as ever."""
+    """The board continues, and stops as usual."""
     path = tmp_path / "capture.jsonl"
     controller = Controller(Numbered(), speed=None)
     with (

@@ -139,7 +139,7 @@ NO_PAUSE = power_up(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 50
         # Time stamps say what the counter does not: more packets than it counts, and a jump without a loss.
         (SMALL, {}, [at(0), at(70_000)], [0, 70_000], [69_999]),
         (SMALL, {}, [at(0), at(1, counter=500), at(2, counter=501)], [0, 1, 2], []),
-        # Time stamps that go back leave counting to the counter, and do not take frames apart.
+        # Time stamps that go back leave counting to the counter, and do not split frames.
         (SMALL, {}, [at(0, stamp=60.0), at(3), at(4)], [0, 3, 4], [2]),
         *(
             (LARGE, {}, [at(number, stamp=5000.0 if number < when else 0.0) for number in range(4)], [0, 1], [])
@@ -149,7 +149,7 @@ NO_PAUSE = power_up(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 50
         (NO_PAUSE, {}, [at(number, stamp=3e-4 * (number % 3)) for number in range(12)], [0, 1, 2, 3, 4, 5], []),
         # A packet that comes twice is one frame.
         (SMALL, {}, [at(0), at(1), at(1), at(2)], [0, 1, 2], []),
-        # A slice of several frames loses as many.
+        # A slice of several frames loses all of them.
         *((FAST, {"stamps": stamps}, [at(0), at(3)], [0, 1, 2, 9, 10, 11], [6]) for stamps in (True, False)),
         (ODD, {}, [at(0), at(2)], [0, 1, 4, 5], [2]),
     ],

@@ -49,7 +49,7 @@ class Heard:
 
 
 class Silent(Loopback):
-    """What takes all bytes and says nothing."""
+    """A port that takes all bytes and answers nothing."""
 
     def receive(self, data: bytes) -> None:
         pass
@@ -240,4 +240,4 @@ def test_second_client_of_a_port_is_told_so(user: Any) -> None:
         Path(port.path).chmod(0o666)
         with user(), pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
             open_sensor(port.path)
-        assert sensor.temperature() == pytest.approx(25.0, abs=0.3), "the first one goes on"
+        assert sensor.temperature() == pytest.approx(25.0, abs=0.3), "the first one continues"

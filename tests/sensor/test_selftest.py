@@ -77,7 +77,7 @@ def test_healthy_board_passes_behind_every_transport(transport):
     assert failed(checks) == []
     assert checks["test pattern"].values["first_words"][:6] == ["001", "800", "400", "200", "100", "880"]
     assert checks["test pattern"].measured == "all of 24576 words, in one run"
-    # Noise is that of the source, and of rounding to codes, which is 1/sqrt(12).
+    # Noise of the source, and of rounding to codes, which is 1/sqrt(12).
     for gain, deviation in ((23, 1.1), (50, 5.5), (55, 9.8)):
         noise = checks[f"noise, {gain} dB, TX off"].values["noise"]
         assert noise == pytest.approx([np.hypot(deviation, 12**-0.5)] * 3, rel=0.05)  # 5,000 steps of each receiver
@@ -195,7 +195,7 @@ def test_receivers_that_are_full_are_no_failure_of_their_noise():
 
 
 def test_clock_that_is_wrong_is_named(monkeypatch):
-    """The host's clock goes on with every frame only, so a busy machine changes nothing."""
+    """The host's clock advances with every frame only, so a busy machine changes nothing."""
     ticks = itertools.count()
     clock = SimpleNamespace(monotonic=time.monotonic, time=lambda: next(ticks) * interval / 0.95)
     interval = checks_of(controller(), "frames", duration=0.5)["frame rate"].values["wanted"] ** -1
@@ -289,7 +289,7 @@ def test_pattern_is_one_sequence_which_every_start_begins_anew():
     assert " ".join(f"{word:03X}" for word in words[:12]) == first
     assert np.array_equal(words[4095:], words[: 5000 - 4095])
     assert len(set(words[:4095].tolist())) == 4095
-    # As in the vendor's example for microcontrollers: the sequence goes on with every sample, RX1's alone show it.
+    # As in the vendor's example for microcontrollers: the sequence advances with every sample, and only RX1 shows it.
     with opened(controller()) as sensor:
         sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3), has_test_pattern=True)
         for _ in range(2):

@@ -25,7 +25,7 @@ AT_ONCE = 1.0
 def is_measuring(controller):
     thread = controller.chip._thread
     if thread is not None:
-        thread.join(0.1)  # it ends by itself, a moment after it is told to
+        thread.join(0.1)  # it ends by itself, a moment after the request
     return controller._is_sending or (thread is not None and thread.is_alive())
 
 
@@ -86,7 +86,7 @@ def test_closing_from_another_thread_ends_the_wait_for_a_frame_at_once():
         with pytest.raises(SensorError, match="no more frames, the sensor was closed"):
             next(frames)
         assert time.monotonic() - began < AT_ONCE
-        sensor.close()  # waits for the one that is under way: then the port is free
+        sensor.close()  # waits for the running one: then the port is free
         open_sensor(**where).close()
 
 
@@ -108,7 +108,7 @@ def test_second_iteration_ends_the_first_with_an_error():
         assert number_of(next(second).raw) == 0
         with pytest.raises(SensorError, match="no more frames, measuring was begun anew"):
             next(first)
-        assert [number_of(frame.raw) for frame in second] == [1, 2], "the second goes on"
+        assert [number_of(frame.raw) for frame in second] == [1, 2], "the second continues"
 
 
 def test_settings_are_those_at_the_first_frame():
@@ -146,7 +146,7 @@ def test_what_went_wrong_first_is_told_where_stopping_fails_too(monkeypatch):
         next(frames)
         patch.setattr(sensor._board, "stop", silent)
         with pytest.raises(KeyError):
-            frames.throw(KeyError("what the reader of frames did"))
+            frames.throw(KeyError("the reader's actions"))
 
 
 @pytest.mark.parametrize("step", ["start", "stop"])
@@ -199,7 +199,7 @@ def test_temperature_may_be_asked_for_while_measuring_starts_anew():
         frames = sensor.frames()
         for _ in range(8):
             next(frames)
-            sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+            sensor._board._temperature = (-1.0, 0.0)  # earlier data is invalid
             assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
         frames.close()
 

@@ -1,4 +1,4 @@
-"""Arguments and bytes that boards, chip, protocols and ports refuse: what was expected, and what came."""
+"""Invalid arguments and bytes for boards, chip, protocols and ports: the expected and the given value."""
 
 from __future__ import annotations
 

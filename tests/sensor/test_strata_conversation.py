@@ -178,7 +178,7 @@ def test_answer_that_comes_late_is_not_that_of_the_next_request(link, monkeypatc
     with pytest.raises(SensorTimeoutError, match="no answer to request 0x80"):
         link.ask(VERSION, 0.2, retries=0)
     assert link.ask(UUID, 5.0) == link._stream.board.controller.identity.uuid
-    # Both tries are answered, the first one late: each answer is thrown away, or that of its request.
+    # Both tries are answered, the first one late: each answer is discarded, or belongs to its request.
     link._stream.delays = [0.25, 0.12, 0.1]
     assert link.ask(VERSION, 0.2, retries=1) == link._stream.board.controller.identity.version.encode()
     assert link.ask(UUID, 5.0) == link._stream.board.controller.identity.uuid
@@ -231,7 +231,7 @@ def test_unplugged_board_is_told_again_and_again():
     link = StreamLink(stream)
     packet = DataPacket(b"abc", 0)
     stream.board._out += packets.encode_data(packet)
-    stream.board._is_gone = True  # what was sent before still comes
+    stream.board._is_gone = True  # earlier data still comes
     assert link.packets(10.0) == [packet]
     for _ in range(2):
         with pytest.raises(SensorDisconnectedError, match="the board is gone"):

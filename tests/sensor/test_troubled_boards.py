@@ -181,7 +181,7 @@ class Mute:
 
 @contextmanager
 def mute_board(kind: str) -> Iterator[tuple[Mute, Sensor]]:
-    """A board that measures `SMALL`, or as much as it can of it, and its sensor."""
+    """A board that measures SMALL, or part of it, and its sensor."""
     radar, options = SMALL, {}
     controller = Controller(Numbered())
     if kind == "comlib":
@@ -247,7 +247,7 @@ def test_slow_frames_are_no_silence(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Losing(CdcBoard):
-    """A board whose answer to a request gets lost, a number of times; `told` are the starts and stops it has heard."""
+    """A board whose answer to a request gets lost, a number of times; it records received starts and stops."""
 
     def __init__(self, controller: Controller, lost: Callable[[Request], bool], number: int = 1) -> None:
         super().__init__(controller)
@@ -269,7 +269,7 @@ class Losing(CdcBoard):
 
 
 def is_trigger(request: Request) -> bool:
-    """Words for the chip, the last of which starts its frames."""
+    """Words for the chip; the last starts its frames."""
     is_execute = request.kind == Kind.WRITE and request.index == Avian.EXECUTE
     return is_execute and len(request.payload) > 32 and bool(request.payload[-1] & 1)
 
@@ -280,7 +280,7 @@ def losing_board(
 ) -> Iterator[tuple[Losing, Sensor]]:
     controller = Controller(Numbered())
     board = Losing(controller, lost, number)
-    # The answers that get lost, and no others; longer than those of a board that has never answered.
+    # Only the lost answers; longer than for a board that has never answered.
     shorten_requests(monkeypatch, 0.35, lambda request: board.number > 0 and lost(request))
     with open_sensor(usb_backend=bus_with(cdc_device(board))) as sensor:
         sensor.configure(SMALL)

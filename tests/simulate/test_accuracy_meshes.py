@@ -39,7 +39,7 @@ needs_robots = pytest.mark.skipif(not robots.is_available(), reason=real_meshes.
 FREQUENCIES = frequencies(real_meshes.WAVEFORM)
 WAVENUMBERS = 2.0 * np.pi * FREQUENCIES / SPEED_OF_LIGHT
 
-# Twice as far apart as on the page: 2 to 4 % off on real meshes, a tenth of the errors that are looked for.
+# Twice the spacing of the page: errors of 2 to 4 % on real meshes, a tenth of the bounds.
 PITCH, SHIFTS = 4e-4, 8
 
 
@@ -66,7 +66,7 @@ def stored(name: str) -> Dense:
 @pytest.mark.parametrize(
     ("mesh", "expected", "bound"),
     [
-        # Rays are too far apart at the limb, which is a polygon even of 81 920 facets.
+        # Rays are too sparse at the limb, which is a polygon even of 81 920 facets.
         (lambda: rc.shapes.sphere(0.1, subdivisions=6), lambda: sphere_echo(0.1, 1.0, WAVENUMBERS), 0.03),
         # Rays fall on either side of the rim to 0.4 mm: of 10 cm along each of two axes, and evenly in eight images.
         (lambda: rc.shapes.plate(0.2, 0.2), lambda: square_echo(0.2, 1.0, 0.0, WAVENUMBERS), 0.004),

@@ -1,4 +1,4 @@
-"""Adaptive sampling: closed forms, what is left out, budgets, and refusals."""
+"""Adaptive sampling: closed forms, skipped cells, budgets, and errors."""
 
 from __future__ import annotations
 

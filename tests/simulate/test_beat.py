@@ -33,8 +33,9 @@ def waveform(**changes: Any) -> rc.Waveform:
 def rounding(wf: rc.Waveform, delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> float:
     """Largest rounding error of a sum over paths in double precision.
 
-    The phase of a path is f0 tau turns, of which eps/2 is lost in each of eight steps (three terms of tau, its times
-    f0, tau and t, the three terms of the phase): 4 eps f0 tau turns. Adding n paths loses n eps of their amplitudes.
+    The phase of a path is f0 tau turns, with a relative rounding error of eps/2 in each of eight steps (three terms of
+    tau, its times f0, tau and t, the three terms of the phase): 4 eps f0 tau turns. Adding n paths loses n eps of their
+    amplitudes.
     """
     turns = max(wf.start_frequency, wf.center_frequency + wf.bandwidth) * float(np.abs(delay).max())
     return (2.0 * np.pi * turns * 4.0 + delay.shape[-1]) * EPS * float(np.abs(amplitude).sum(axis=-1).max())

@@ -1,8 +1,8 @@
-"""Transmitters and receivers 10 cm apart: every pair has its own spherical waves, amplitude and phase.
+"""Transmitters and receivers with a spacing of 10 cm: every pair has its own spherical waves, amplitude and phase.
 
 H is the received phasor of a channel at one frequency for 1 W, isotropic antennas and a perfect conductor. The slow
 truth integrates physical optics, docs/theory.md eq. (2) with F = 1 and the phase of propagation, over the surface; the
-bounds are those of test_closed_forms.py.
+bounds are from test_closed_forms.py.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def test_every_pair_sees_the_sphere_from_its_own_places(radius: float, place: An
     sim = simulator(sphere(radius), rc.Pose(place), frequency, field_of_view_deg=(30.0, 30.0))
     expected = integral(*sphere_patches(radius, np.array(place)), frequency)
     assert_close(transfer_functions(sim), expected, SPHERE_DB, SPHERE_PHASE)
-    # The bound tells the pairs apart.
+    # The bound distinguishes the pairs.
     assert np.ptp(np.angle(expected / expected[0])) > 5.0 * SPHERE_PHASE
 
 
@@ -137,7 +137,7 @@ def test_every_pair_sees_the_plate_from_its_own_places(name: str) -> None:
 
 
 def test_mirror_between_two_antennas_is_at_the_length_of_the_bent_way() -> None:
-    # A mirror at 0.5 m, antennas 20 cm apart: lambda / (4 pi L) with L to the mirror image.
+    # A mirror at 0.5 m, antennas with a spacing of 20 cm: lambda / (4 pi L) with L to the mirror image.
     baseline, distance, wavelength = 0.2, 0.5, C / 60e9
     tx, rx = [[0.0, 0.5 * baseline, 0.0]], [[0.0, -0.5 * baseline, 0.0]]
     length = np.hypot(2.0 * distance, baseline)

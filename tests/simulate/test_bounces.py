@@ -63,7 +63,7 @@ def test_ghost_of_a_ball_beside_a_wall_has_the_range_of_its_path() -> None:
 
 def test_ghost_has_the_level_and_the_angles_of_geometrical_optics() -> None:
     point, expected = touched(SENSOR, image_of(SENSOR)), reflected_by_ball(SENSOR, image_of(SENSOR))
-    # Over the wall to the ball, and the other way round, which an image of the ball alone shows as well.
+    # Over the wall to the ball, and back, which an image of the ball alone shows as well.
     for last, view, arrives_from in ((0, "wide", point), (1, "wide", image_of(point)), (1, "close", image_of(point))):
         paths = ghost_paths(view)
         received = np.where(paths.body == last, phasors(paths), 0.0).sum(axis=1)
@@ -88,7 +88,7 @@ def test_both_ends_of_a_ghost_have_the_gain_of_their_own_directions(tx_width: fl
     for last, view in ((0, "wide"), (1, "wide"), (1, "close")):
         paths = bounce_paths(simulator([ball(), wall()], radar, **VIEWS[view]))
         received = np.where(paths.body == last, phasors(paths), 0.0).sum()
-        # A wave that leaves for the image comes back from the ball, and the other way round.
+        # A wave that leaves for the image comes back from the ball, and vice versa.
         azimuths = np.rad2deg([np.arctan2(ends[i][1], ends[i][0]) for i in (1 - last, last)])
         gains = -40.0 * np.log10(2.0) * (azimuths / [tx_width, rx_width]) ** 2
         assert 20.0 * np.log10(abs(received)) == pytest.approx(isotropic + gains.sum(), abs=0.4)

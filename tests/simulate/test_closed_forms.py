@@ -2,8 +2,8 @@
 
 H is the received phasor at one frequency for 1 W, isotropic antennas at one place and a perfect conductor. The
 footprint of a pixel is exact up to the staircase of the rim and the curvature within a pixel. Bounds in an image of 60
-degrees are those of the accuracy table for 512 x 512 rays; most windows here are narrower, and so are plates' bounds.
-The default setting, which takes a fraction of these rays, has rows of its own.
+degrees follow the accuracy table for 512 x 512 rays; most windows here are narrower, and so are plates' bounds. The
+default setting, which takes a fraction of these rays, has rows of its own.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ PLATES = {
     "square 0.2 m, 5 degrees": (lambda: rc.shapes.plate(0.2, 0.2), 5.0, 4.603129585e-05 - 1.141052424e-04j),
 }
 
-PLATE_DB, PLATE_PHASE = 0.6 / 3, 0.1 / 3  # the staircase of the rim, of pixels a third of those in 60 degrees
+PLATE_DB, PLATE_PHASE = 0.6 / 3, 0.1 / 3  # the staircase of the rim, with pixels a third of the size in 60 degrees
 SPHERE_DB, SPHERE_PHASE = 0.25, 0.05 / 2  # the curvature within a pixel, in up to 25 degrees
 
 
@@ -197,7 +197,7 @@ TONE = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, nu
 def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(
     mesh: rc.Mesh, x: float, expected: float, field_of_view_deg: float, pixels: int
 ) -> None:
-    """Scenes take as many points as matt bodies need, see test_speckle.py; depth images have the given pixels."""
+    """Scenes choose the number of points of matt bodies, see test_speckle.py; depth images have the given pixels."""
     window = (field_of_view_deg, field_of_view_deg)
     scene = rc.Scene([body(mesh, x, material=rc.Material.lambertian(1.0))])
     image = rc.Simulator(scene, TONE, field_of_view_deg=window, resolution=pixels).depth_image()

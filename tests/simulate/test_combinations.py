@@ -55,7 +55,7 @@ def test_frames_are_the_same_alone_in_recordings_on_threads_and_from_files(
 def test_angles_of_moving_targets_are_right_with_phases_of_receivers(
     schedule: rc.Schedule | None, azimuth_deg: float
 ) -> None:
-    """Phases of receivers and the times of transmitters are taken off once, whatever the schedule."""
+    """Phases of receivers and times of transmitters are corrected once, for any schedule."""
     chain = rc.bgt60tr13c(receiver="measured", if_gain_db=23).receiver  # RX2 is 75 degrees behind
     wf = rc.Waveform.design(
         max_range=8.0, range_resolution=0.12, max_velocity=4.0, num_tx=2, num_chirps=64, start_frequency=60e9

@@ -25,7 +25,7 @@ from bounce_scenes import (
 )
 from proof.corners import NEAR, integral_near_db, near_db
 
-# Where the far field is that of the reflector, with no more than 128 x 128 pixels.
+# In the far field of the reflector, with at most 128 x 128 pixels.
 FAR: dict[str, dict[str, Any]] = {
     "footprint": {"sampling": "footprint", "resolution": 128},
     "adaptive": {"sampling": "adaptive", "resolution": 128},

@@ -1,4 +1,4 @@
-"""Far-field cross-sections against those on paper."""
+"""Far-field cross-sections against closed forms."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_large_corner_has_the_cross_section_of_its_aperture() -> None:
 
 
 def test_shadow_takes_its_part_of_a_face() -> None:
-    # A plate behind another one of half its height, both facing the radar: what is left is as high as the rest.
+    # A plate behind another one of half its height, both facing the radar: the visible part has the height of the rest.
     behind, front = rc.shapes.plate(0.4, 0.4), rc.shapes.plate(0.4, 0.2)
     scene = rc.Scene(
         [
@@ -199,7 +199,7 @@ def test_polarisation_is_that_of_a_radar_that_looks_upright_at_the_object(direct
 
 
 def test_words_of_polarisation_mean_the_same_to_a_radar() -> None:
-    # Both plates reflect a vertical field as r_TE, a horizontal one as r_TM: 14 dB apart.
+    # Both plates reflect a vertical field as r_TE, a horizontal one as r_TM: a difference of 14 dB.
     corner = rc.Body(rc.shapes.dihedral(0.1), material=rc.materials["glass"], motion=rc.Pose([6.0, 0.0, 0.0]))
     waveform = rc.Waveform.from_sweep(start_frequency=59e9, stop_frequency=61e9, sample_rate=2e6, num_samples=256)
     levels = []

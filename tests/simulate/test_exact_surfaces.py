@@ -48,7 +48,7 @@ def test_what_an_ellipsoid_hides_does_not_count() -> None:
         exact_echo(ellipsoid_nodes(some, AHEAD, UPRIGHT, 100), WAVEFORM) for some in ([front, behind], [front])
     )
     np.testing.assert_array_equal(both, alone)
-    # Seen from behind, the other way round: neither is on the line to the radar of points beside it.
+    # Seen from behind, in the opposite order: no body is on the line to the radar of points beside it.
     matrix = 0.1 * UPRIGHT
     points = np.array([[2.0, 0.0, 0.0], [2.0, 0.3, 0.0], [0.5, 0.0, 0.0], [2.0, 0.19, 0.0]])
     assert is_occluded(points, [(AHEAD, matrix)]).tolist() == [True, False, False, True]

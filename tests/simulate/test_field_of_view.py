@@ -1,4 +1,4 @@
-"""Field of view: what the antennas see by default, sectors of wide ones, and bodies beyond one that was chosen."""
+"""Field of view: the default of the antennas, sectors of wide ones, and bodies outside of a chosen one."""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ def test_budget_is_that_of_all_sectors() -> None:
     with pytest.warns(UserWarning, match="its finest cells or its ray_budget"):
         frame = sim.frame()
     assert frame.stats["cells_not_split"] > 0
-    assert frame.stats["rays_cast"] <= 2 * most  # with those of the cells that were tried
+    assert frame.stats["rays_cast"] <= 2 * most  # with rays of tried cells
     # The corners of the grid are in no plane.
     rows, columns = sim.num_cells
     with pytest.raises(ValueError, match=r"ray_budget: expected at least the (\d+) rays") as refused:

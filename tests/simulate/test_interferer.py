@@ -217,7 +217,7 @@ def test_chirp_that_lasts_into_two_frames_has_one_phase() -> None:
 def test_transmitters_of_an_interferer_add_up() -> None:
     wavelength = C / 77e9
     pair = tone(0.0, motion=rc.Pose([5.0, 0.0, 0.0]), tx=[[0.0, 0.0, 0.0], [0.5 * wavelength, 0.0, 0.0]])
-    # Half a wave apart along the path: they cancel but for the difference of their distances, lambda / 2 of 5 m.
+    # Half a wavelength of path difference: they cancel except for the difference of their distances, lambda / 2 of 5 m.
     assert power_of([pair]) < 1e-5 * friis(77e9, 5.0)
 
 

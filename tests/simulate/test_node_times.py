@@ -1,4 +1,4 @@
-"""Times of a frame at which paths are taken: as many as phases and amplitudes each need, and no more."""
+"""Times of a frame at which paths are evaluated: just enough for phases and amplitudes."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_motion_too_fast_for_the_first_times_is_placed_at_more(cycles: float) ->
 
 
 def test_body_that_needs_many_times_has_them_alone() -> None:
-    # A disc swings by 2 rad of phase beside one that moves on: the one of few times has as many as alone.
+    # A disc swings by 2 rad of phase beside a disc in steady motion: the latter needs no more times than alone.
     def disc(side: float, motion: Any) -> rc.Body:
         return rc.Body(rc.shapes.disc(0.05), motion=lambda time: rc.Pose([motion(time), side, 0.0]))
 

@@ -191,7 +191,7 @@ def test_no_function_is_asked_twice_for_a_time_of_a_frame() -> None:
         asked.clear()
         sim.frame(0.5)
         placed = [call for call in asked if call[0] != "shape"]
-        # At 17 times; shapes at about half as many.
+        # At 17 times; shapes at about half of them.
         assert len(placed) == len(set(placed)) == 3 * 17
         shapes = [time for name, time in asked if name == "shape"]
         assert len(shapes) == len(set(shapes)) == 9

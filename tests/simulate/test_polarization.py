@@ -50,7 +50,7 @@ def echo(
 def test_every_polarisation_sees_the_same_of_a_plate_at_normal_incidence(name: str) -> None:
     material = rc.materials[name]
     scalar, vertical = echo(material), echo(material, polarization="vertical")
-    # The plate is seen at up to 8 degrees: what polarisations get of its rim differs by sin^4 = 4e-4, and
+    # The plate is seen at up to 8 degrees: its rim differs between polarisations by sin^4 = 4e-4, and
     # not at all where turning the square plate by 90 degrees exchanges them.
     for polarization in ("vertical", "horizontal", [0.0, 0.6, 0.8]):
         assert echo(material, polarization=polarization) == pytest.approx(scalar, rel=5e-4)
@@ -89,7 +89,7 @@ def test_reflectance_of_an_image_is_that_of_the_angle_and_the_polarisation() -> 
     for keywords in ({}, {"roughness": 3e-4}, {"scattering": 0.7}):
         np.testing.assert_allclose(image(None, **keywords).reflectance, scalar, rtol=1e-9)
     vertical, horizontal = image("vertical").reflectance, image("horizontal").reflectance
-    middle = 31  # rays that leave horizontally, and those that leave upright
+    middle = 31  # rays that leave horizontally, and upright rays
     np.testing.assert_allclose(vertical[middle], np.abs(te[middle]) ** 2, rtol=1e-9)
     np.testing.assert_allclose(horizontal[middle], np.abs(tm[middle]) ** 2, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(vertical[:, middle], np.abs(tm[:, middle]) ** 2, rtol=1e-9, atol=1e-15)

@@ -1,4 +1,4 @@
-"""Schedules of transmitters and sub-sequences of a frame: what receivers get of a scene.
+"""Schedules of transmitters and sub-sequences of a frame: received samples of a scene.
 
 The slow truth is the direct sum of eq. (1) over the exact positions of a point at the time of every sample,
 `point_echo_reference`, transmitter by transmitter.
@@ -174,7 +174,7 @@ def test_demultiplexed_ddm_of_a_slow_target_is_what_transmitters_apart_give(
 
 
 def test_noise_comes_after_the_sum_of_transmitters() -> None:
-    """The receivers' noise is that of two channels, whatever number of transmitters sent."""
+    """The receivers have the noise of two channels for any number of transmitters."""
     noisy = rc.Receiver(noise_figure_db=10.0)
     shy = radar_of(rc.Schedule.ddm(), receiver=noisy, tx_power_dbm=-300.0)
     cube = frame_of(shy).cube

@@ -1,4 +1,4 @@
-"""Refusals of simulations. What `check` itself refuses is in tests/test_check.py, the core's in tests/boundary."""
+"""Refusals of simulations. Errors of `check` itself are in tests/test_check.py, the core's in tests/boundary."""
 
 from __future__ import annotations
 

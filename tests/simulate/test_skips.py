@@ -110,7 +110,7 @@ def test_a_moving_sensor_sees_everything_anew() -> None:
 
 
 def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> None:
-    # Antennas 10 cm apart that look into different directions, at walls as near as that and farther off.
+    # Antennas with a spacing of 10 cm and different directions, at walls at that distance and farther.
     slopes = -np.abs(np.linspace(-120.0, 40.0, 9))[:, None] * np.ones(3)
     table = rc.TabulatedPattern.from_degrees(np.linspace(-40.0, 40.0, 9), [-40.0, 0.0, 40.0], slopes)
     narrow = rc.GaussianPattern(20.0, beamwidth_azimuth_deg=8.0, beamwidth_elevation_deg=10.0)
@@ -183,7 +183,7 @@ def test_points_hide_behind_bodies() -> None:
     front, behind, beside = [2.5, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.2, 0.2]
     surface = sim.depth_image().points + RADAR.array_center
     assert sim.is_hidden([front, behind, beside]).tolist() == [False, True, False]
-    assert not sim.is_hidden(surface).any(), "what is seen is not hidden"
+    assert not sim.is_hidden(surface).any(), "visible points are not hidden"
     assert sim.is_hidden(np.zeros((0, 3))).shape == (0,)
     with pytest.raises(ValueError, match=r"points: expected shape \(n, 3\), got \(3,\)"):
         sim.is_hidden([1.0, 2.0, 3.0])

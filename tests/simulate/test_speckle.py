@@ -110,7 +110,7 @@ def test_speckle_of_what_rests_is_the_same_in_every_frame_whatever_moves_beside_
 
 
 def test_speckle_moves_with_its_body_from_frame_to_frame() -> None:
-    # 25 mm farther in the next of 40 frames per second: the phase is that of the way, 62.9 rad.
+    # 25 mm farther in the next of 40 frames per second: the phase follows the distance, 62.9 rad.
     velocity = np.array([1.0, 0.0, 0.0])
     plate = matt(rc.shapes.plate(0.1, 0.1), rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=velocity))
     options: dict[str, Any] = SAMPLINGS["adaptive"] | {"field_of_view_deg": (10.0, 10.0)}

@@ -81,7 +81,7 @@ def test_quiet_channel_keeps_its_digits_in_phase(tolerance: float, method: str) 
 
 
 def test_exact_sum_is_that_of_the_geometry() -> None:
-    # What all others are compared with, against numpy: 3 m/s past the radar at 0.3 m.
+    # The reference of all others, against numpy: 3 m/s past the radar at 0.3 m.
     wf = sweep_waveform(8, 16)
     time = wf.chirp_times[:, None] + wf.sample_times
     side = np.random.default_rng(0).uniform(-0.1, 0.1, (30, 1, 1))

@@ -65,7 +65,7 @@ def test_amplitudes_that_no_sample_can_hold_are_no_endless_work_nor_nan(scale: f
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("first", [0.0, 1e-60, 1e-310])
 def test_amplitudes_that_begin_with_nothing_are_followed(first: float, method: str) -> None:
-    # What comes into the beam during the frame.
+    # A target that enters the beam during the frame.
     wf, paths = sweep_waveform(40, 32), moving(400)
     assert paths.rate is not None
     nodes = wf.delay_times(4)[:, None, None]
@@ -95,7 +95,7 @@ def test_amplitudes_may_have_nodes_of_their_own(num_delays: int, num_amplitudes:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("distance", [1e3, 10e3, 100e3])
 def test_distant_paths_keep_their_digits_also_beside_near_ones(distance: float, method: str) -> None:
-    # Between paths 10 km apart the received frequency differs by 6 %.
+    # At a path difference of 10 km the received frequency differs by 6 %.
     paths, wf = moving(500), sweep_waveform(33, 40)
     is_far = np.arange(500) % 3 == 0
     for far, tolerance in ((1.0, 1e-3), (1.0, 1e-6), (is_far, 1e-4)):

@@ -14,7 +14,7 @@ from test_closed_forms import CONDUCTOR, sphere
 
 import radarcore as rc
 
-# As fine as it takes for what is seen 16 degrees wide at 1 m: what is left are the meshes.
+# Fine enough for a width of 16 degrees at 1 m: the residual comes from the meshes.
 SAMPLINGS: dict[str, dict[str, Any]] = {
     "footprint": {"sampling": "footprint", "resolution": 384},
     "adaptive": {"rcs_floor": 1e-5},
@@ -29,7 +29,7 @@ NOISE = 1e-4  # [m], rms along every axis
 def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "smooth") -> rc.Mesh:
     """A round rod along z with filleted rims, as CAD programs export it; the seed draws the noise on its vertices.
 
-    A cylinder is one long quad per segment, a fillet as many rings of narrow ones as it has steps, and a cap a fan of
+    A cylinder is one long quad per segment, a fillet one ring of narrow ones per step, and a cap a fan of
     slivers from one vertex of its rim.
     """
     angle = np.deg2rad(np.linspace(0.0, 90.0, steps + 1))
@@ -57,7 +57,7 @@ def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "
 
 def strongest_peak_db(mesh: rc.Mesh, aspect_deg: float, **options: Any) -> float:
     """Level of the strongest peak in the range profile of a mesh at 1 m whose axis is tilted towards the radar."""
-    # Turned about its axis by less than half a segment: what is symmetric is a special case.
+    # Turned about its axis by less than half a segment, because symmetry is a special case.
     rotation = Rotation.from_euler("zy", [5.0, aspect_deg], degrees=True).as_matrix()
     target = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))
     sim = rc.Simulator(rc.Scene([target]), rc.Radar(WAVEFORM), field_of_view_deg=(16.0, 16.0), **options)
@@ -101,7 +101,7 @@ def test_coarse_sphere_is_a_sphere_however_it_is_turned(
     # area-weighted normals, which lean off the radius, some turns are off by more.
     mesh, expected = rc.shapes.sphere(0.1, subdivisions=subdivisions), [sphere(0.1, 1.0, f) for f in BAND]
     options = SAMPLINGS[sampling] | ({"resolution": 192} if sampling == "footprint" else {})
-    # Normals are those of the mesh, whichever rays meet them: cells see every second turn.
+    # Normals belong to the mesh and not to the rays: cells see every second turn.
     turns = Rotation.random(8, rng=np.random.default_rng(0)).as_matrix()
     for rotation in turns if sampling == "footprint" else turns[::2]:
         ball = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))

@@ -1,4 +1,4 @@
-"""What a simulator refuses at its first frame, and what it warns of once."""
+"""Errors of a simulator at its first frame, and its single warnings."""
 
 from __future__ import annotations
 

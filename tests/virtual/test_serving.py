@@ -105,7 +105,7 @@ def frame(self, time_of_frame):
     time.sleep(60)
 Simulator.frame = frame
 """
-"""A simulator whose frames take as long as those of millions of rays."""
+"""A simulator with frames as slow as with millions of rays."""
 
 
 def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path):
@@ -168,7 +168,7 @@ def test_clients_that_end_half_way_leave_nothing_to_the_next(board):
 
 @contextmanager
 def recorder(port, output):
-    """A program that has recorded five frames, and goes on."""
+    """A program that has recorded five frames, and continues."""
     pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     options = ("--rate", "40", "--chirps", "8", "--samples", "32")
     with python(CLI, "sensor", "record", port, "-o", output, *options) as client:

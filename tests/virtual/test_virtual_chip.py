@@ -76,7 +76,7 @@ def test_transmitter_that_is_off_neither_echoes_nor_leaks() -> None:
     (off,) = measured(source(POINT), registers, 8)
     (empty,) = measured(source(rc.Scene()), registers, 8)
     np.testing.assert_array_equal(off, empty)
-    # What is left of 8 x 8 chirps of noise of 1.5 codes.
+    # Residual of 8 x 8 chirps of noise of 1.5 codes.
     mean = off.mean(axis=(0, 2))
     assert np.ptp(mean, axis=1).max() < 1.5
     change = np.diff(off, axis=2).std() / np.sqrt(2.0)
@@ -152,7 +152,7 @@ def test_falling_ramps_are_simulated_as_falling_chirps() -> None:
         for codes in (rising, falling):
             spectrum = abs(np.fft.rfft((codes[0, 0, 0] - 2047.5) * np.hanning(64), 4096))
             beats.append(spectrum.argmax() * 2e6 / 4096)
-        # 2 v / wavelength at 60.9 GHz: added where the chirp rises, taken off where it falls.
+        # 2 v / wavelength at 60.9 GHz: added if the chirp rises, subtracted if it falls.
         doppler = 2.0 * velocity * 60.9e9 / 299792458.0
         assert np.mean(beats) == pytest.approx(2.0 * 0.5 / 299792458.0 * 156.6e12, rel=0.03)
         assert beats[0] - beats[1] == pytest.approx(2.0 * doppler, abs=2e3 + 0.1 * doppler)
@@ -168,7 +168,7 @@ def test_constant_wave_has_no_echo_of_what_stands_still() -> None:
 
 
 def test_frames_of_other_settings_are_simulated_anew() -> None:
-    """What was simulated ahead belongs to a radar, a number and a time."""
+    """Frames simulated ahead belong to a radar, a number and a time."""
     simulated = source(POINT, receiver="ideal")
     (a,), (b,) = (measured(simulated, wide(if_gain_db=gain), 3) for gain in (30, 50))
     (c,) = measured(source(POINT, receiver="ideal"), wide(if_gain_db=50), 3)

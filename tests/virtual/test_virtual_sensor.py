@@ -18,7 +18,7 @@ from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise, Playback
 from radarcore.virtual.source import Simulated, Worker
 
-# Another radar than the scene file's: what the client sets is what is simulated.
+# Another radar than the scene file's: the client's settings are simulated.
 CLIENT = rc.bgt60tr13c(
     start_frequency=60e9,
     stop_frequency=61e9,
@@ -231,7 +231,7 @@ def test_board_answers_while_a_frame_takes_long_to_simulate():
         assert is_begun.wait(30.0)
         began = time.monotonic()
         for call in (sensor.temperature, frames.close, sensor.temperature):
-            sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+            sensor._board._temperature = (-1.0, 0.0)  # earlier data is invalid
             call()
         assert time.monotonic() - began < 5.0, "the scene takes a minute"
         # The next measurement has the source when the last one has given it back.
