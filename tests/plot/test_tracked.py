@@ -32,7 +32,8 @@ def tracks(*, dimensions: int = 2) -> Tracks:
     state, nearest = np.concatenate([place, motion], axis=1), np.full((2, NUMBER), np.nan)
     sensor = np.broadcast_to(np.eye(3, 4), (NUMBER, 3, 4)), np.zeros((NUMBER, 3)), np.zeros(NUMBER)
     numbers = np.arange(NUMBER)
-    return Tracks(MIDDLES, (Track(3, numbers, MIDDLES, state, covariance, seen, seen, *nearest, MIDDLES, *sensor),))
+    flags = seen, seen, np.zeros(NUMBER, dtype=bool), np.ones(NUMBER, dtype=bool)
+    return Tracks(MIDDLES, (Track(3, numbers, MIDDLES, state, covariance, *flags, *nearest, MIDDLES, *sensor),))
 
 
 def recording(*, truth: bool = True) -> Recording:
