@@ -12,7 +12,7 @@ PHRASES = [
     ("what or who as the subject", "What is weaker is lost. Who comes later waits."),
     ("told", "The arm is told to stop, or left untold."),
 ]
-LIMITS = {"pages": 25, "package": 800, "benches, examples": 110, "Rust": 147, "tests": 310}
+LIMITS = {"pages": 20, "package": 245, "benches, examples": 15, "Rust": 147, "tests": 40}
 """Most matches by area; 2234 were found at 507e0be."""
 
 
