@@ -1,9 +1,8 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
-//! as one; `fineness`: triangles from larger than pixels to far smaller; `person`: fine triangles of many bodies;
-//! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per
-//! second.
+//! as one; fineness: triangles from larger than pixels to far smaller; person: fine triangles of many bodies; motion:
+//! cost of new poses; twisted: a tree after a large refit; `occluded`: points behind spheres, per second.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Sets `cfg(optimised)` in every profile but those with `opt-level = 0`, see `Kernel` in numeric/simd/vector.rs.
+//! Sets `cfg(optimised)` in every profile except `opt-level = 0`, see `Kernel` in numeric/simd/vector.rs.
 
 fn main() {
     println!("cargo::rerun-if-changed=rust/build.rs");

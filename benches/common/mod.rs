@@ -27,7 +27,7 @@ pub fn sizes<const N: usize>(measured: [usize; N], once: usize) -> Vec<usize> {
     }
 }
 
-/// Short measurements: what counts is the ratio of neighbours in one run, not the third digit.
+/// Short measurements: the ratio of neighbours in one run matters, not the third digit.
 pub fn criterion() -> Criterion {
     Criterion::default()
         .sample_size(10)

@@ -43,7 +43,7 @@ impl Beam {
         }
     }
 
-    /// Beam for bodies of which the nearest is at a distance [m]; none if all directions `(1, u, v)` within ranges are
+    /// Beam for bodies with the nearest at a distance [m]; none if all directions `(1, u, v)` within ranges are
     /// in it.
     pub fn in_front(&self, nearest: impl FnOnce() -> f64, u: [f64; 2], v: [f64; 2]) -> Option<Self> {
         let [_, most] = self.decay(u, v);

@@ -28,8 +28,8 @@ const CELLS: f64 = 128.0;
 /// Side of the smallest cells [wavelengths].
 const FINEST: f64 = 1.0 / 6.0;
 
-/// Largest difference between the fields radiated by a cell and by its quarters, relative to that of a plate of its
-/// size that faces the radar.
+/// Largest difference between the fields radiated by a cell and by its quarters, relative to a plate of its size that
+/// faces the radar.
 const MOST_DIFFERENT: f64 = 0.02;
 
 /// Radar cross-sections [m^2] of the bodies of a scene at a frequency [Hz], by up to `max_bounces` reflections; one

@@ -1,6 +1,6 @@
 //! Physical optics of a plane wave over the triangles that it illuminates.
 //!
-//! The phase over a triangle is that of its curved surface. Where it is linear but for a small quadratic part, the mean
+//! The phase over a triangle follows its curved surface. Where it is linear but for a small quadratic part, the mean
 //! of the phasor has a closed form (`mean_phasor`), else the triangle is quartered: a flat face costs one evaluation,
 //! whatever its size in wavelengths. Triangles that are illuminated in part are quartered along the shadow's edge;
 //! those below a wavelength are illuminated if their middle is.
@@ -24,8 +24,8 @@ use crate::geometry::aabb::Bounds;
 use crate::numeric::trig::sinc;
 use crate::rays::watertight::Ray;
 
-/// Largest quadratic part of the phase in the middle of a side of a triangle [rad]. Ten times as much leaves 0.3 dB on a
-/// cylinder whose facets are wider than half a wavelength: what steep facets leave adds up as on a grating.
+/// Largest quadratic part of the phase in the middle of a side of a triangle [rad]. Ten times this value leaves 0.3 dB
+/// on a cylinder with facets wider than half a wavelength: residuals of steep facets add up as on a grating.
 const MOST_CURVED: f64 = 0.03;
 
 /// Largest change of the unit normal between two corners of a triangle.
@@ -34,8 +34,8 @@ const MOST_TURNED: f64 = 0.3;
 /// Triangles of a lattice of points whose shadows are looked for have this share of the size of the scene at most.
 const LATTICE: f64 = 1.0 / 64.0;
 
-/// Side of the smallest triangles along the edge of a shadow, and of those that are quartered no more however curved, at
-/// grazing incidence, which are as small across the wave [wavelengths].
+/// Side of the smallest triangles along the edge of a shadow, and across the wave of curved triangles that are not
+/// quartered further, at grazing incidence [wavelengths].
 const FINEST: f64 = 0.25;
 
 /// Shift of a point of a lattice towards the middle of its triangle, relative to its distance: a ray to a corner would
@@ -207,7 +207,7 @@ impl Wave<'_> {
         }
     }
 
-    /// Add the illuminated part of a triangle some corners of which are occluded.
+    /// Add the illuminated part of a triangle with some occluded corners.
     fn edge_of_shadow(&self, facet: &Facet, weights: [DVec3; 3], seen: [bool; 3], sum: &mut Reflected) {
         let number = seen.iter().filter(|seen| **seen).count();
         if number == 0 {
@@ -349,7 +349,7 @@ fn quarters<T: Copy>([a, b, c]: [T; 3], middle: impl Fn([T; 2]) -> T) -> [[T; 3]
 /// Twice the divided difference of the exponential at the three phases (W. B. Gordon, IEEE Trans. Antennas Propag.,
 /// 1975, gives the integral as a sum over edges).
 fn mean_phasor([a, b, c]: [f64; 3]) -> Complex64 {
-    // The outer two are farthest apart.
+    // The outer two have the largest distance.
     let (ab, bc, ca) = ((a - b).abs(), (b - c).abs(), (c - a).abs());
     let [low, middle, high] = if ab >= bc && ab >= ca {
         [a, c, b]

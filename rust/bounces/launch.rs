@@ -9,7 +9,7 @@ use crate::rays::watertight::Ray;
 /// Hit of a cell of the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Launch {
-    /// Rotation from the axes of the image to those of the sensor.
+    /// Rotation from the axes of the image to the axes of the sensor.
     pub rotation: DMat3,
     /// Plane coordinates of the centre of the cell, y/x and z/x.
     pub center: [f64; 2],

@@ -34,7 +34,7 @@ const LEAST_TUBES: usize = 8_000;
 
 /// Image whose pixels launch ray tubes.
 pub struct TubeImage<'a> {
-    /// Rotation from the axes of the image to those of the sensor.
+    /// Rotation from the axes of the image to the axes of the sensor.
     pub rotation: DMat3,
     /// Hits of the pixels.
     pub hits: &'a Hits,

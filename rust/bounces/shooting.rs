@@ -25,12 +25,12 @@ use crate::antennas::polarization::transverse;
 
 /// The parts of image planes where tubes start.
 pub(super) struct TubeView {
-    /// For every plane the rotation from its axes to those of the sensor, and smallest and largest plane coordinates.
+    /// For every plane the rotation from its axes to the sensor axes, and smallest and largest plane coordinates.
     planes: Vec<(DMat3, [DVec2; 2])>,
 }
 
 impl TubeView {
-    /// View of whole image planes, each with the rotation from its axes to those of the sensor.
+    /// View of whole image planes, each with the rotation from its axes to the sensor axes.
     pub(super) fn new<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
         let of = |(rotation, plane): (DMat3, &ImagePlane)| {
             // To the outer edges of the pixels.

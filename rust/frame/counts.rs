@@ -38,7 +38,7 @@ pub struct FrameCounts {
     pub bounces_stopped: usize,
     /// Cells of ray tubes that were not quartered, as there were too many.
     pub bounces_not_split: usize,
-    /// Power of cells of ray tubes, and of the errors of those that were not split, see [`crate::bounces::TubeCounts`].
+    /// Power of cells of ray tubes, and of the errors of unsplit ones, see [`crate::bounces::TubeCounts`].
     pub bounce_power: f64,
     /// The second of them.
     pub bounce_error_power: f64,

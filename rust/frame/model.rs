@@ -108,7 +108,7 @@ impl Default for Switches {
 /// Settings of the simulation.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Sectors of the field of view: rotations from the axes of the sensor to those of image planes. The first looks
+    /// Sectors of the field of view: rotations from the axes of the sensor to the axes of image planes. The first looks
     /// where the sensor does, in its axes.
     pub rotations: Vec<DMat3>,
     /// Rays of frames.
@@ -293,8 +293,8 @@ impl Model {
         2.0 * std::f64::consts::TAU * self.highest_frequency() / SPEED_OF_LIGHT
     }
 
-    /// Bodies at the time `x` of the frame, those that deform with the vertices of that time; their surfaces replace
-    /// `deformed`, those of the frame before, unless the vertices are equal.
+    /// Bodies at the time `x` of the frame, deforming ones with the vertices of that time; their surfaces replace
+    /// `deformed`, the surfaces of the frame before, unless the vertices are equal.
     pub(super) fn posed(
         &self,
         motion: &Kinematics,

@@ -24,7 +24,7 @@ use crate::synthesis::source::{PathGroup, PathSource, Request, Shape};
 /// Most times that describe a smooth motion: with more, a chirp-wise sum has blocks of chirps.
 const SMOOTH_TIMES: usize = 8;
 
-/// Share of the tolerance that as many times may leave out of the phases of a body that moves smoothly.
+/// Share of the tolerance for the phase error of a series over the times of a smooth motion.
 const SMOOTH_SHARE: f64 = 0.5;
 
 /// Power of two that brings amplitudes of radars to the middle of single precision.

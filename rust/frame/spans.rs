@@ -199,7 +199,7 @@ mod tests {
         assert!((0.69..0.75).contains(&got), "{got}");
         let spans = rotation_angles(&[surface], &swinging, 3);
         assert!(spans[1][0] < 0.09 && spans[0][0] > 0.35, "{spans:?}");
-        // What stands still turns in no span.
+        // Static bodies turn in no span.
         assert_eq!(
             rotation_angles(&[surface], &motion(|_| at(0.0, 1.0)), 3),
             vec![vec![0.0]; 3]

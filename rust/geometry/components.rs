@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn parts_are_what_touches() {
-        // Two triangles with an edge of vertices of their own, and one apart.
+        // Two triangles with an edge of separate vertices, and a distant one.
         let vertices: Vec<DVec3> = [[0, 0], [1, 0], [0, 1], [1, 0], [1, 1], [0, 1], [5, 5], [6, 5], [5, 7]]
             .map(|[x, y]| DVec3::new(f64::from(x), f64::from(y), 2.0))
             .to_vec();

@@ -13,7 +13,7 @@ const SHARP: f64 = 0.35;
 /// Largest distance of a vertex from the plane of its region [m].
 const FLATNESS: f64 = 1e-5;
 
-/// Largest distance of a vertex from the line between its neighbours at which one edge goes on through it [m].
+/// Largest distance of a vertex from the line between its neighbours at which one edge continues through it [m].
 const STRAIGHTNESS: f64 = 2e-6;
 
 /// Least area of a region [m^2]: about a square wavelength at 60 GHz.
@@ -172,7 +172,7 @@ fn straightened(
         let [start, middle] = edges[edge].map(&place);
         is_straight(start, middle, place(edges[next][1])).then_some(next)
     };
-    // Edges that no other goes straight on to come first; what is left are rings without a corner.
+    // Edges without a straight predecessor come first; the others are rings without a corner.
     let mut has_before = vec![false; edges.len()];
     for edge in 0..edges.len() {
         if let Some(next) = goes_on(edge) {

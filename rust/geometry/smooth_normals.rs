@@ -53,11 +53,11 @@ impl Shading {
     /// Shading of facets that approximate one curved surface where they meet at less than the crease angle of the groups.
     /// The vertices may have moved since the groups were found.
     ///
-    /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have
-    /// normals less than the crease angle apart. Vertices at equal positions count as one. The normal at a corner
-    /// is that of the triangles connected to it through smooth edges round its vertex: their area-weighted mean, and
-    /// on a sphere the radius. Facets of a tenth of its own area or less are left out: a tube is straight up to the
-    /// chamfers at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
+    /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have an angle
+    /// below the crease angle between normals. Vertices at equal positions count as one. The normal at a corner is the
+    /// area-weighted mean over the triangles connected to it through smooth edges round its vertex, and on a sphere the
+    /// radius. Facets of a tenth of its own area or less are left out: a tube is straight up to the chamfers at its
+    /// ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
     pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
@@ -161,7 +161,7 @@ impl Facets {
         }
         let areas: Vec<f64> = groups.facets.iter().map(|facet| areas[*facet as usize]).collect();
 
-        // Of facets of more than one triangle: what a group has of them.
+        // Of facets of more than one triangle: data of a group.
         let facet = |corner: usize| (groups.corners[corner], groups.facets[corner / 3]);
         let mut shared: Vec<usize> = (0..groups.corners.len())
             .filter(|corner| areas[corner / 3] > own[corner / 3])
@@ -241,11 +241,11 @@ struct OneRing {
 impl OneRing {
     /// Unit normal at the vertex.
     ///
-    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the
-    /// mean leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in
-    /// proportion to the length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere
-    /// and two thirds on a cylinder, less where facets are long; from there on down, as where a plane ends in a fillet,
-    /// the mean is left alone. So it is where all facets are one plane: what turns is not here.
+    /// A facet's normal is the surface normal at its circumcentre. Where these do not lie evenly round the vertex, the
+    /// mean leans by the curvature times their mean offset. This is corrected for evenly turning normals: in proportion
+    /// to the length of an edge, in any direction. The squared correlation of the two is 1 on a sphere and two thirds
+    /// on a cylinder, less where facets are long; from there on down, as where a plane ends in a fillet, the mean is
+    /// left alone. The same holds if all facets are one plane.
     fn unit_normal(&self) -> DVec3 {
         if self.normal.length() >= (1.0 - 0.5 * PLANE_ANGLE * PLANE_ANGLE) * self.area {
             return self.normal.normalize_or_zero();
@@ -388,9 +388,9 @@ fn is_curved(normals: [DVec3; 3], face_normal: DVec3) -> bool {
 
 /// True if the edges can be chords of the surface with these normals at their ends.
 ///
-/// A chord e of a smooth surface has (`n_a` + `n_b`).e = 0 to second order: as much as the surface rises from one
-/// end, it has to fall towards the other. Not so where a plane ends in a fillet: one normal is bent, the other not.
-/// The three edges share what they may be off: along the axis of a tube nothing bends, and noise would decide.
+/// A chord e of a smooth surface has (`n_a` + `n_b`).e = 0 to second order: the rise of the surface at one end equals
+/// its fall at the other. Not so where a plane ends in a fillet: one normal is bent, the other not. The three edges
+/// share what they may be off: along the axis of a tube nothing bends, and noise would decide.
 fn is_consistent(corners: [DVec3; 3], normals: [DVec3; 3]) -> bool {
     let (mut off, mut curved) = (0.0, 0.0);
     for i in 0..3 {

@@ -90,7 +90,7 @@ pub fn for_edges(num_triangles: usize, position: impl Fn(usize) -> u32, mut visi
         edges[*start as usize] = corner as u32;
     }
 
-    // Within a bucket (about three edges) bring those with the same upper end together.
+    // Within a bucket (about three edges) bring edges with the same upper end together.
     for bucket in starts.windows(2) {
         let bucket = &mut edges[bucket[0] as usize..bucket[1] as usize];
         bucket.sort_unstable_by_key(|&corner| (high(corner as usize), corner));

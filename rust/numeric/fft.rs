@@ -2,20 +2,20 @@
 //!
 //! Stockham's passes of four cells (van Loan, Computational Frameworks for the Fast Fourier Transform, section 1.7),
 //! and one of two cells where the number of cells is no power of four. A cell has the real parts of all lanes, then
-//! their imaginary parts. As grids have twice as many cells as outputs, only the first and the last quarter of the
+//! their imaginary parts. As grids have two cells per output, only the first and the last quarter of the
 //! result are formed.
 
 use std::f64::consts::TAU;
 
 use crate::numeric::simd::{Real, Vector};
 
-/// Number of cells of a grid for some outputs: a power of two, at least twice as many, and 16 as transforms are made of
-/// passes of four.
+/// Number of cells of a grid for some outputs: a power of two, at least twice the outputs, and at least 16, as
+/// transforms consist of passes of four.
 pub fn num_cells(num_outputs: usize) -> usize {
     (2 * num_outputs).next_power_of_two().max(16)
 }
 
-/// Factors of all passes but the last, in their order: per butterfly those of its outputs but the first.
+/// Factors of all passes but the last, in their order: per butterfly of its outputs except the first.
 pub fn twiddles<T: Real>(num_cells: usize) -> Vec<T> {
     let mut factors = Vec::new();
     let mut put = |turns: f64| factors.extend([T::of((TAU * turns).cos()), T::of((TAU * turns).sin())]);
@@ -37,8 +37,8 @@ pub fn twiddles<T: Real>(num_cells: usize) -> Vec<T> {
     factors
 }
 
-/// Transform of a grid of `num_cells` cells, see [the module](self): `twiddles` are those of the number of cells,
-/// `scratch` is as large as the grid; the result is in one of the two.
+/// Transform of a grid of `num_cells` cells, see [the module](self): `twiddles` belong to the number of cells,
+/// `scratch` has the size of the grid; the result is in one of the two.
 #[cfg_attr(optimised, inline(always))]
 pub fn inverse<'a, V: Vector>(
     grid: &'a mut [V::Scalar],

@@ -59,7 +59,7 @@ fn halves(number: u64) -> [u32; 2] {
 /// numbers: as easy as 1, 2, 3, SC 2011.
 #[cfg_attr(optimised, inline(always))]
 fn philox(counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
-    // As halves of products, of which the lower half is meant: words of 32 bits would be taken apart for every product.
+    // As lower halves of 64-bit products: words of 32 bits would need unpacking for every product.
     let mut wide = [[0; LANES]; 4];
     for (wide, narrow) in wide.as_flattened_mut().iter_mut().zip(counters.as_flattened()) {
         *wide = u64::from(*narrow);

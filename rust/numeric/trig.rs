@@ -52,7 +52,7 @@ const TAN_EIGHTH: f64 = 0.414_213_562_373_095_05;
 /// Largest number of lanes of a vector.
 const MOST_LANES: usize = 16;
 
-/// ln 2 in two parts, of which the first has zeros at its end.
+/// ln 2 in two parts; the first ends with zero bits.
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 const LN_2_SINGLE: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
 
@@ -180,7 +180,7 @@ const fn is_single<V: Vector>() -> bool {
     size_of::<V::Scalar>() == 4
 }
 
-/// Polynomial with coefficients by degree, of which the first few are enough in single precision.
+/// Polynomial with coefficients by degree; the first few are enough in single precision.
 #[cfg_attr(optimised, inline(always))]
 fn polynomial<V: Vector>(coefficients: &[f64], enough: usize, x: V) -> V {
     let number = if is_single::<V>() { enough } else { coefficients.len() };

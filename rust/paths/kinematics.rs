@@ -12,7 +12,7 @@ use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 use crate::numeric::chebyshev::{chebyshev_matrix, interpolation_weights, slope_weights};
 
-/// Relative error of coordinates by rounding, of which no number of times frees a series.
+/// Relative rounding error of coordinates; more times do not reduce it.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Largest number of vertices of a body that the error of the motion is estimated from.
@@ -232,8 +232,8 @@ impl Kinematics {
         }
     }
 
-    /// Time derivatives at the middle of a frame that takes `duration` [s]: those of the series,
-    /// zero for a frame of a single sample.
+    /// Time derivatives at the middle of a frame that takes `duration` [s]: of the series, zero for a frame of a single
+    /// sample.
     pub fn rates(&self, duration: f64) -> Self {
         let per_second = if duration > 0.0 { 2.0 / duration } else { 0.0 };
         let vertices = self.vertices.iter();

@@ -7,10 +7,10 @@ use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 
 /// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge
-/// slowly: twice as many times help little.
+/// slowly: doubling the times helps little.
 const COUNTS: [usize; 9] = [4, 6, 8, 12, 16, 24, 32, 48, 64];
 
-/// Number of times beyond which the series of a kink no longer improves.
+/// Number of times above which the series of a kink no longer improves.
 const ENOUGH_FOR_KINKS: usize = 16;
 
 /// Numbers of times at which a chunk of paths is evaluated, to choose one of [`COUNTS`] up to that.
@@ -151,10 +151,10 @@ fn squares(rows: &[Lane<f64>], weights: &Lane<f64>) -> Vec<f64> {
     matrix.chunks(rows.len()).map(of_degree).collect()
 }
 
-/// Square of the error of a series of `count` terms, for squares of the coefficients of a series through as many values
-/// or more. It is twice the l2 norm of the coefficients beyond, as a series through so many values folds them back; for
-/// the whole series, what four times the larger of its last two coefficients becomes, if further ones fall half as fast
-/// as these.
+/// Square of the error of a series of `count` terms, for squared coefficients of a series through at least `count`
+/// values. It is twice the l2 norm of the truncated coefficients, as a series through so many values folds them back.
+/// For the whole series it extrapolates four times the larger of the last two coefficients, if further ones fall half
+/// as fast.
 fn left_out(squares: &[f64], count: usize) -> f64 {
     let number = squares.len();
     if count < number {

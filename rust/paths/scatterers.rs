@@ -55,7 +55,7 @@ pub struct Scatterers {
     pub(crate) weights: Vec<Complex64>,
     /// Range rate beside the motion of the body [m/s]; empty: zero.
     pub(crate) range_rate: Vec<f64>,
-    /// Radar cross-sections of the point targets [m^2], whose paths follow those of the material points.
+    /// Radar cross-sections of the point targets [m^2], whose paths follow the paths of the material points.
     pub(crate) rcs: Vec<f64>,
 }
 

@@ -91,7 +91,7 @@ impl Scatterers {
 }
 
 impl Sixteen {
-    /// Poses of the bodies, from those of all bodies.
+    /// Poses of the bodies, from the poses of all bodies.
     #[cfg_attr(optimised, inline(always))]
     pub(super) fn poses(&self, all: &[Pose]) -> Poses {
         let mut is_one = true;
@@ -164,7 +164,7 @@ impl Poses {
 }
 
 /// Amplitudes of points of surfaces times a factor, real and imaginary part, as [`Scatterers::path`] before the
-/// receiver: with normals and edges of patches in the sensor frame, and weights as those of [`Scatterers::weigh`].
+/// receiver: with normals and edges of patches in the sensor frame, and weights as in [`Scatterers::weigh`].
 #[cfg_attr(optimised, inline(always))]
 pub(super) fn surface_amplitude<V: Vector>(
     array: &Array,

@@ -1,6 +1,6 @@
 //! Peaks of a map of powers over velocity and range: where they are between the cells, and the noise around them.
 
-/// Power over that of a peak to which its neighbours are raised, as none has no logarithm.
+/// Least power of neighbours relative to their peak, because zero has no logarithm.
 const LEAST: f64 = 1e-30;
 
 /// Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope.
@@ -102,7 +102,7 @@ impl Map<'_> {
 mod tests {
     use super::*;
 
-    /// Three rows of which the first and the last are neighbours, too.
+    /// Three rows; the first and the last are neighbours, too.
     const POWER: [f64; 12] = [4.0, 1.0, 2.0, 3.0, 1.0, 1.0, 8.0, 9.0, 2.0, 2.0, 4.0, 1.0];
 
     fn map(is_cyclic: bool) -> Map<'static> {

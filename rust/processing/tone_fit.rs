@@ -6,7 +6,7 @@ use num_traits::AsPrimitive;
 type Complex64 = Complex<f64>;
 
 /// Steps of Fisher's scoring from the parabola, which is 0.02 cells off: each about squares the error, or divides it by
-/// the ratio of the amplitudes of signal and noise. What is left is far below the noise up to 100 dB.
+/// the ratio of the amplitudes of signal and noise. The residual is far below the noise up to 100 dB.
 const NUM_STEPS: usize = 2;
 
 /// A fit that goes farther than this many cells from its start has lost the peak; the start is then kept.
@@ -59,7 +59,7 @@ pub fn fit<T: AsPrimitive<f64>>(cells: &MapCells<T>, peak: [usize; 2], start: [f
         let [slow, fast] = [0, 1].map(|axis| axes.at(axis, places[axis], offset[axis]));
         let products = [slow.products(), fast.products()];
 
-        // What the cells have of them: `found[i][j]` of the row's i and the column's j, 1 the derivative.
+        // Their projections on the cells: `found[i][j]` of the row's i and the column's j, 1 the derivative.
         let mut found = [[(); 2]; 2].map(|row| row.map(|()| vec![Complex64::default(); num_looks]));
         for (look, rows) in patch.chunks_exact(num_rows * num_columns).enumerate() {
             for (row, cells) in rows.chunks_exact(num_columns).enumerate() {
@@ -72,7 +72,8 @@ pub fn fit<T: AsPrimitive<f64>>(cells: &MapCells<T>, peak: [usize; 2], start: [f
             }
         }
 
-        // Fisher's scoring. What of the derivatives is across the tone: a change of phase is none of frequency.
+        // Fisher's scoring. Parts of the derivatives orthogonal to the tone: a change of phase is not a change of
+        // frequency.
         let power = |of: &[Complex64]| found[0][0].iter().zip(of).map(|(a, b)| (a.conj() * b).re).sum::<f64>();
         let total = power(&found[0][0]).max(f64::MIN_POSITIVE);
         let mut information = [0.0; 2];

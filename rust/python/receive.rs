@@ -68,7 +68,7 @@ impl Noise {
         Self {
             deviation,
             seed,
-            // The bits of -0.0 are not those of 0.0.
+            // The bits of -0.0 differ from 0.0.
             stream: (start + 0.0).to_bits(),
         }
     }

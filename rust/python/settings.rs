@@ -52,7 +52,7 @@ impl TryFrom<SettingsFields> for frame::Settings {
         let rotations: Vec<DMat3> = settings.rotations.iter().map(of_rows).collect();
         let numbers = [rotations.len(), settings.rays.len(), settings.tubes.len()];
         if rotations.first() != Some(&DMat3::IDENTITY) || numbers != [numbers[0]; 3] {
-            let expected = "the identity first, and as many planes of rays and of tubes";
+            let expected = "the identity first, and equal numbers of planes of rays and of tubes";
             return Err(Error::value("rotations", expected, format!("{numbers:?}")));
         }
         let planes = |planes: &[Plane]| planes.iter().map(plane).collect();

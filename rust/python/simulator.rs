@@ -140,7 +140,7 @@ pub(super) struct Placement(World);
 impl Placement {
     /// Build from ``[rotation | position]`` of the sensor (time, 3, 4) and of bodies (time, body, 3, 4), positions of
     /// point targets (time, point, 3) [m], and for every body that deforms its vertices (time, vertex, 3) in body
-    /// coordinates [m], at as many Chebyshev times as that array has.
+    /// coordinates [m], at the number of Chebyshev times of that array.
     #[new]
     #[pyo3(signature = (sensor, poses, points, vertices=Vec::new()))]
     fn new(

@@ -19,7 +19,7 @@ const MAX_THREADS: usize = 1024;
 /// Pools of threads by their number, and the process they live in: a forked child has none of its parent's threads.
 static POOLS: Mutex<(u32, Vec<Arc<ThreadPool>>)> = Mutex::new((0, Vec::new()));
 
-/// Run a function without the interpreter, on `threads` threads or as many as there are cores, until Ctrl-C. `report`
+/// Run a function without the interpreter, on `threads` threads or one per core, until Ctrl-C. `report`
 /// receives the number of steps that are done, from time to time.
 pub(super) fn compute<T: Send>(
     py: Python<'_>,
@@ -65,7 +65,7 @@ pub(super) fn watch<T: Send>(
     work: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
     let (sender, receiver) = channel();
-    // A panic of the work goes on from the scope.
+    // A panic of the work continues from the scope.
     pool.in_place_scope(|scope| {
         scope.spawn(move |_| {
             // Nobody is there to receive only if the scope has panicked.
@@ -113,7 +113,7 @@ pub(super) fn check_threads(threads: Option<usize>) -> Result<()> {
     }
 }
 
-/// Pool with this number of threads, or as many as there are cores; the last few are kept.
+/// Pool with this number of threads, or one per core; the last few are cached.
 pub(super) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
     const MAX_KEPT: usize = 4;
     check_threads(threads)?;

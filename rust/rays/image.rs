@@ -23,7 +23,7 @@ use crate::rays::search::Scratch;
 use crate::rays::tree::Tree;
 
 impl PosedScene {
-    /// Hits of all pixels, tile by tile in parallel; bit for bit those of [`Self::cast`], ray by ray.
+    /// Hits of all pixels, tile by tile in parallel; bit for bit equal to [`Self::cast`], ray by ray.
     pub fn cast_image(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
         fits_memory("hits", &[plane.rows, plane.columns], PIXEL_SIZE)?;

@@ -1,4 +1,4 @@
-//! Packets: rays of a tile, 16 at a time, in the sensor frame and in those of bodies.
+//! Packets: rays of a tile, 16 at a time, in the sensor frame and in body frames.
 
 use glam::DVec3;
 

@@ -51,7 +51,7 @@ impl PacketHits {
         }
     }
 
-    /// Distance beyond which no ray can find a nearer triangle.
+    /// Distance above which no ray can find a nearer triangle.
     #[cfg_attr(optimised, inline(always))]
     pub fn farthest(&self) -> f32 {
         let [a, b, c, d] = self.farthest;

@@ -2,8 +2,8 @@
 //! at a time, then against one triangle of a leaf after the other.
 //!
 //! The search is in single precision with bounds on every rounding. Where these cannot decide whether a ray meets a
-//! triangle, or which of two triangles is nearer, an exact test decides, so that hits equal those of rays traced one by
-//! one, in whatever order leaves are visited.
+//! triangle, or which of two triangles is nearer, an exact test decides, so that hits equal hits of single rays, in any
+//! order of leaves.
 
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::packet::{BodyRays, PACKET, PACKETS};

@@ -12,8 +12,8 @@ pub const THROUGH_SIDE: f64 = 1e-6;
 /// Depth by which a surface may reach through its base [m].
 pub const THROUGH_BASE: f64 = 2e-5;
 
-/// Pyramid with the apex at the origin of the sensor frame: the half spaces of its sides and of its base, and the one in
-/// front of the apex.
+/// Pyramid with the apex at the origin of the sensor frame: the half spaces of its sides and of its base, and the half
+/// space in front of the apex.
 pub struct Pyramid {
     /// Inward unit normals, and distances of the planes from the origin along them [m].
     planes: [(DVec3, f64); 6],
@@ -159,7 +159,7 @@ mod tests {
             ([square[0], square[1], DVec3::new(2.0, 0.0, -2.0)], true),
             ([square[0], square[1], 0.5 * square[0]], true),
             ([square[0], square[1], DVec3::new(1.0, 0.0, 0.0)], false),
-            // A floor that goes on behind, and a large triangle that passes behind the sensor.
+            // A floor that continues behind, and a large triangle that passes behind the sensor.
             (
                 [
                     DVec3::new(0.1, -9.0, -1.0),

@@ -67,8 +67,8 @@ impl PosedScene {
         &self.surfaces[body as usize]
     }
 
-    /// Hash of the vertices and triangles of a body, and of its number among the bodies of which these are equal: bodies
-    /// with other ones do not change it.
+    /// Hash of the vertices and triangles of a body, and of its number among bodies with equal ones: other bodies do
+    /// not change it.
     pub fn content_hash(&self, body: u32) -> u64 {
         self.hashes[body as usize]
     }

@@ -210,7 +210,7 @@ impl Surface {
         Topology::new(&self.vertices, &self.mesh.triangles)
     }
 
-    /// Memory of triangles, tree and shading [bytes], without that of the vertices.
+    /// Memory of triangles, tree and shading [bytes], without the vertices.
     pub fn memory(&self) -> usize {
         let mesh = &self.mesh;
         size_of_val(mesh.triangles.as_slice())
@@ -258,7 +258,7 @@ impl Surface {
         self.bounds
     }
 
-    /// Boxes of the connected components; of very many only those of the largest.
+    /// Boxes of the connected components; of very many only the boxes of the largest.
     pub fn parts(&self) -> &[Bounds] {
         let mesh = &self.mesh;
         self.part_bounds.get_or_init(|| {

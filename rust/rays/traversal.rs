@@ -17,13 +17,13 @@ pub struct StackEntry {
 
 /// Search of a tree by `N` packets of rays.
 pub trait Search<const N: usize> {
-    /// Distance beyond which nothing is visited.
+    /// Distance above which nothing is visited.
     fn far(&self) -> f32;
 
     /// Bit mask of the children of a node that a packet may meet; lowers `near` to distances of entry.
     fn enter<I: Isa>(&self, packet: usize, node: &Node, near: &mut [f32; WIDTH]) -> u32;
 
-    /// Bit mask of the packets, of a mask of those that meet its box, that visit a leaf, child of a node.
+    /// Bit mask of the packets that visit a leaf, child of a node, from a mask of the packets that meet its box.
     #[cfg_attr(optimised, inline(always))]
     fn should_visit<I: Isa>(&self, packets: u32, _leaf: usize, _node: &Node, _slot: usize) -> u32 {
         packets

@@ -1,8 +1,8 @@
 //! Diffuse scattering: random points on the surface of a body, each with a random phase.
 //!
-//! SurfacePoints are stratified by area and stand for equal parts of it, so that the expected power of a surface depends
-//! neither on the number of points nor on the rays (docs/theory.md eq. (3)); phases are uniform and independent, so the
-//! intensity of many points is exponentially distributed. Every frame has the same points.
+//! SurfacePoints are stratified by area and stand for equal parts of it, so that the expected power of a surface is
+//! independent of the number of points and of the rays (docs/theory.md eq. (3)); phases are uniform and independent, so
+//! the intensity of many points is exponentially distributed. Every frame has the same points.
 
 use std::sync::Arc;
 
@@ -54,7 +54,7 @@ pub struct Speckle {
 
 impl SurfacePoints {
     /// Random points of a surface, in a number within [`NUMBERS`] for which no single point matters; `rcs_floor` [m^2].
-    /// The seed is that of the body.
+    /// The seed belongs to the body.
     pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
         let number_of_triangles = surface.num_triangles() as u32;
         let mut sums = Vec::with_capacity(number_of_triangles as usize);

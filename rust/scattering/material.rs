@@ -129,9 +129,9 @@ impl Material {
     }
 }
 
-/// Reflection coefficient without a polarisation, docs/theory.md eq. (5), from `r_TE` and `r_TM`: the power is the mean of
-/// both polarisations, the phase that of the field across the plane of incidence. A mean of both fields would vanish
-/// where two walls meet at a right angle.
+/// Reflection coefficient without a polarisation, docs/theory.md eq. (5), from `r_TE` and `r_TM`: the power is the mean
+/// of both polarisations, the phase belongs to the field across the plane of incidence. A mean of both fields would
+/// vanish where two walls meet at a right angle.
 pub(crate) fn mean_reflection([te, tm]: [Complex64; 2]) -> Complex64 {
     let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
     if te == Complex64::ZERO {

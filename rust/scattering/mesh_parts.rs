@@ -24,7 +24,7 @@ pub struct MeshPart {
 
 impl MeshPart {
     /// Parts of the meshes of all bodies that can have the smallest cross-section of interest and are less than some
-    /// cells of the base grid across; `field`: that of the smallest cross-section, see [`field_of`] [m^2].
+    /// cells of the base grid across; `field`: of the smallest cross-section, see [`field_of`] [m^2].
     ///
     /// [`field_of`]: crate::scattering::refinement::field_of
     pub fn small(scene: &PosedScene, base: &ImagePlane, field: f64, cells_across: f64) -> Vec<Self> {

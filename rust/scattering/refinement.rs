@@ -33,7 +33,7 @@ pub struct Refinement {
     pub rcs_floor: f64,
     /// True if the floor is lowered where the strongest echo in view is weak.
     pub follows_echo: bool,
-    /// Largest number of rays; none: as many as the floor asks for.
+    /// Largest number of rays; none: enough for the floor.
     pub budget: Option<usize>,
 }
 

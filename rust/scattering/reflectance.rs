@@ -1,4 +1,4 @@
-//! Reflectance of every pixel, for depth images like those of a camera.
+//! Reflectance of every pixel, for depth images like a camera's.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -10,7 +10,7 @@ const DIRECT: f64 = 5e-9;
 /// Chirp-wise NUFFT: tables, a path, a moving path in a group of 16 chirps, a cell of a group (`beat/take_over/chirp`).
 const CHIRP: [f64; 4] = [10e-6, 50e-9, 24e-9, 25e-9];
 
-/// Its times in double precision over those in single precision.
+/// Its times in double precision relative to single precision.
 const DOUBLE: f64 = 5.0;
 
 /// Least tolerance of its single precision.

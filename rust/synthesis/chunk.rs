@@ -27,7 +27,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// True if neither delays nor amplitudes change.
+    /// True if delays and amplitudes are constant.
     pub fn is_static(&self) -> bool {
         self.delay_rows == 1 && self.amplitude_rows == 1
     }

@@ -1,12 +1,12 @@
-//! Coherence of paths beside the frame: what the errors of a spreading kernel add up to.
+//! Coherence of paths beside the frame: the sum of the errors of a spreading kernel.
 //!
-//! A spreading kernel leaves aliases: the samples of other times, a period of the grid away, times a small factor. Paths
-//! whose phases are unrelated within the frame may be in phase there, as the echo of a plate does that faces the radar a
-//! frame later. The energy of the sum is estimated at the nearest of these times, on either side along range and along
-//! velocity: paths of a cell of range and velocity, half a turn of phase over the samples by half a turn over the chirps, add
-//! up as complex numbers; those of different cells do not, on average over the frame (Parseval). Cells share few slots, with
-//! pseudo-random signs: the expected energy is the same (Charikar, Chen, Farach-Colton, "Finding frequent items in data
-//! streams").
+//! A spreading kernel leaves aliases: the samples of other times, a period of the grid away, times a small factor.
+//! Paths whose phases are unrelated within the frame may be in phase there, as the echo of a plate does that faces the
+//! radar a frame later. The energy of the sum is estimated at the nearest of these times, on either side along range
+//! and along velocity: paths of a cell of range and velocity, half a turn of phase over the samples by half a turn over
+//! the chirps, add up as complex numbers; different cells do not, on average over the frame (Parseval). Cells share few
+//! slots, with pseudo-random signs: the expected energy is the same (Charikar, Chen, Farach-Colton, "Finding frequent
+//! items in data streams").
 
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Precision, Real, Vector};
@@ -22,8 +22,8 @@ const NUMBERS: usize = 8;
 /// Paths that are added at once.
 pub const LANES: usize = 16;
 
-/// Safety factor of the energy of paths in phase: the sum over a cell has 0.81 of the energy where its paths are a quarter
-/// of a turn apart.
+/// Safety factor of the energy of paths in phase: the sum over a cell has 0.81 of the energy if its paths differ by a
+/// quarter of a turn.
 const SAFETY: f64 = 1.0 / 0.81;
 
 /// Relative error of an energy by slots: three standard deviations, and the largest of four sides.
@@ -72,7 +72,7 @@ impl CellSums {
     /// in the middle of the frame, side by side.
     #[cfg_attr(optimised, inline(always))] // part of kernels
     pub fn add<T: Precision, I: Isa>(&mut self, count: usize, places: &[Lane<T>; 2], strengths: &[T; 2 * CHUNK]) {
-        // One of as many neighbours, the first at a pseudo-random place.
+        // One of several neighbours, the first at a pseudo-random place.
         let start = mix(self.count as u64) as usize % self.step;
         let count = count.min(CHUNK);
         self.count += count;

@@ -2,7 +2,7 @@
 //!
 //! Kaiser-Bessel pair: `phi(x) = I0(beta sqrt(1 - (2x/w)^2)) / I0(beta)` for |x| <= w/2 cells, transform
 //! `w sinh(r) / (r I0(beta))`, `r^2 = beta^2 - (pi w xi)^2`, with Beatty's beta (Beatty, Nishimura, Pauly, IEEE Trans.
-//! Med. Imaging 24, 2005). With twice as many cells as outputs every cell of width is one more decimal digit.
+//! Med. Imaging 24, 2005). With two cells per output every cell of width adds one decimal digit.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ const MAX_DEGREE: usize = degree(MAX_WIDTH);
 /// Excess of an [energy](crate::synthesis::coherence) that is measured where paths have independent phases.
 const MEASUREMENT: f64 = 0.25;
 
-/// Degree of the polynomials of one cell of the kernel: with it, tones err as much as with the kernel itself, or less.
+/// Degree of the polynomials of one cell of the kernel: errors of tones do not exceed the errors of the kernel itself.
 pub const fn degree(width: usize) -> usize {
     if width <= 4 { 4 } else { width - 1 }
 }
@@ -26,12 +26,12 @@ pub struct ToneError {
     pub rms: f64,
     /// Largest of all outputs.
     pub largest: f64,
-    /// Largest alias, a tone as many periods of the grid away, of all outputs.
+    /// Largest alias of all outputs, a tone some periods of the grid away.
     pub alias: f64,
 }
 
 impl ToneError {
-    /// Errors of a width on a grid of twice as many cells as outputs; larger grids have less. Measured.
+    /// Errors of a width on a grid with two cells per output; larger grids have less. Measured.
     pub fn new(width: usize) -> Self {
         let [rms, largest, alias] = match width {
             ..=4 => [6.0e-4, 1.4e-3, 6.8e-4],

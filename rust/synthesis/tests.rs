@@ -81,7 +81,8 @@ impl Rows {
         }
     }
 
-    /// Paths 0.5 to 8 m away at up to 3 m/s and 50 m/s^2, as many of these terms as asked for; one in five stands still.
+    /// Paths 0.5 to 8 m away at up to 3 m/s and 50 m/s^2, with the requested number of these terms; one in five is
+    /// static.
     pub fn random(num_channels: usize, num_paths: usize, num_terms: usize) -> Self {
         let (mut unit, number) = (units(7), num_channels * num_paths);
         let mut row = |k: usize, low: f64, high: f64| -> Vec<f64> {
@@ -140,7 +141,7 @@ impl Rows {
         })
     }
 
-    /// Run something with the paths as groups: static ones apart, all with powers of the frequency from some on.
+    /// Run something with the paths as groups: static ones separate, all with powers of the frequency from some on.
     pub fn groups<T>(&self, exponent: u8, run: impl FnOnce(&[PathGroup]) -> T) -> T {
         self.series(|series| {
             let sources = ArrayPaths::split(series);

@@ -71,7 +71,7 @@ pub fn read_obj(path: &Path, cancel: &Cancel) -> Result<Obj> {
 /// no triangle is an error.
 pub fn parse_obj(bytes: &[u8], path: &Path, cancel: &Cancel) -> Result<Obj> {
     let parsed = read(bytes, cancel);
-    // What ended early has faults.
+    // Files that end early have faults.
     cancel.check()?;
     parsed.map_err(|Fault { line, message }| Error::Format {
         path: path.to_owned(),

@@ -13,9 +13,9 @@ const MAX_CORNERS: usize = 1 << 12;
 /// Triangles of one polygon, as positions of their corners in `polygon`, with its winding.
 ///
 /// `polygon` has shape (corner,), in any unit, and may be concave; a hole is part of the ring if an edge leads to it
-/// and back. Corners that repeat the one before add nothing. A quad need not be flat: it is cut along the diagonal
-/// that gives the smaller area. Larger polygons are cut by earcut, as seen along the axis nearest to their mean normal.
-/// The error says what was expected in place of a polygon without an answer, as for edges that cross one another.
+/// and back. Corners that repeat the one before add nothing. A quad may be bent: it is cut along the diagonal with the
+/// smaller area. Larger polygons are cut by earcut, as seen along the axis nearest to their mean normal. The error says
+/// what was expected in place of a polygon without an answer, as for edges that cross one another.
 pub fn triangulate(polygon: &[DVec3]) -> Result<Vec<[u32; 3]>, String> {
     let at = |corner: u32| polygon[corner as usize];
     let mut ring: Vec<u32> = (0..polygon.len() as u32).collect();
@@ -60,7 +60,7 @@ fn split_quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3, rounding: f64) -> Option<V
         (vec![[0, 1, 3], [1, 2, 3]], along_bd)
     };
 
-    // What exceeds the area of the ring is due to a bend or to edges that cross; a bend lifts a corner off the plane.
+    // Area beyond the ring comes from a bend or from crossing edges; a bend lifts a corner off the plane.
     let ring_area = (c - a).cross(d - b).length() / 2.0;
     let widest = areas.into_iter().fold(f64::MIN_POSITIVE, f64::max);
     let lift = (b - a).cross(c - a).dot(d - a).abs() / (2.0 * widest);
@@ -99,8 +99,8 @@ fn cut_ears(points: &[DVec3], rounding: f64) -> Option<Vec<[u32; 3]>> {
     let mut corners: Vec<u32> = Vec::new();
     Earcut::new().earcut(flat.iter().copied(), &[], &mut corners);
 
-    // Where edges cross, ears overlap, leave something out, or wind the other way: their areas make up that of the ring
-    // with and without their signs.
+    // Where edges cross, ears overlap, leave gaps, or reverse their winding: their areas sum to the ring's area with
+    // and without signs.
     let triangles: Vec<[u32; 3]> = corners.as_chunks().0.to_vec();
     let doubled_area = |&[a, b, c]: &[u32; 3]| {
         let [a, b, c] = [a, b, c].map(|corner| flat[corner as usize]);

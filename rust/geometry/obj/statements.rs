@@ -3,7 +3,7 @@
 //! tobj reads `v` and `f`, and loses or refuses much of what surrounds them. The rest of a file is dealt with here:
 //!
 //! - lines joined by a backslash; comments after a statement;
-//! - names: tobj gives each run of faces one name, that of the last `o` or `g`, and only materials of an `.mtl`;
+//! - names: tobj gives each run of faces one name, of the last `o` or `g`, and only materials of an `.mtl`;
 //! - `l`, whose polylines tobj takes for faces, and `vt` and `vn`, whose faults would refuse a mesh that needs neither;
 //! - numbers after the coordinates: tobj divides by a fourth, and refuses colours of four or of some vertices only;
 //! - the order of vertices: tobj numbers them by the faces that use them and drops the others.
@@ -153,7 +153,7 @@ impl<'a, S: Iterator<Item = Statement<'a>>> BufRead for Reader<'_, S> {
     }
 }
 
-/// Names of one kind, and those of all faces.
+/// Names of one kind, and the name of every face.
 #[derive(Default)]
 pub(super) struct Names {
     /// Names in the order in which faces first use them.

@@ -45,8 +45,8 @@ fn pose(x: f64, y: f64, turn: f64) -> Pose {
     }
 }
 
-/// Random material points on two bodies, each with or without a patch and with a weight per channel or one, and as many
-/// point targets as cross-sections.
+/// Random material points on two bodies, each with or without a patch and with a weight per channel or one, and one
+/// point target per cross-section.
 fn scatterers(array: &Array, number: usize, has_patches: bool, num_weights: usize, rcs: &[f64]) -> Scatterers {
     let mut state = 1;
     let mut random = || {

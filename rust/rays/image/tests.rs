@@ -35,7 +35,7 @@ fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
 
 #[test]
 fn directions_that_no_pair_of_antennas_sees_are_not_cast() {
-    // Walls from a tenth of a metre on, antennas up to 10 cm apart that look into different directions.
+    // Walls from a tenth of a metre on, antennas with spacings up to 10 cm and different directions.
     let plane = ImagePlane::centered(96, 128, 1.5, 1.0);
     let (mut surfaces, mut poses) = furnished();
     surfaces[0] = surface(&wall(0.0, 20.0));

@@ -1,4 +1,4 @@
-//! Border of a tile: cells along its sides, for comparison with those of adjacent tiles.
+//! Border of a tile: cells along its sides, for comparison with cells of adjacent tiles.
 
 use super::cells::TileCells;
 use super::residual::{BLOCKS, BODY, CellFeatures, FEATURES, Features, NOTHING, PHASE, VALID, block, load, pair_error};
@@ -58,7 +58,7 @@ impl Border {
         border
     }
 
-    /// Raise the residual fields of blocks to those of the pairs with the tiles `beyond` the sides. `wavenumber`
+    /// Raise the residual fields of blocks to the fields of the pairs with adjacent tiles. `wavenumber`
     /// [rad/m].
     pub(super) fn raise(
         &self,

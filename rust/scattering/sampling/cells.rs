@@ -41,7 +41,7 @@ pub(super) struct TileCells {
     /// Least magnitude of the slopes while the body turns, and a bit per cell whose body turns.
     pub(super) least_slope: [[f32; MOST_RAYS]; 2],
     pub(super) turning: u64,
-    /// Phase beyond that of the shortest distance [rad].
+    /// Phase relative to the shortest distance [rad].
     pub(super) phase: [f32; MOST_RAYS],
     /// Reflection coefficient.
     pub(super) reflection: [[f32; MOST_RAYS]; 2],

@@ -20,7 +20,7 @@ use crate::scattering::refinement::Sampling;
 use crate::scattering::sector::Sector;
 use crate::scattering::taper::taper;
 
-/// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
+/// Rotation of a body [rad] above which the phase over a cell is followed, and points are not joined.
 const MOST_TURN: f32 = 0.05;
 
 /// Largest distance of an antenna from the middle of the array [m] with weights of the middle: angles of incidence and

@@ -8,7 +8,7 @@
 //! thousandth of the field at 0.5 m, for any tilt and shape, with a few dozen points per region; cells of a flat surface
 //! would have to be far smaller than a wavelength.
 //!
-//! A region is left to cells where another surface may occlude a part of it, or where it moves so far while it is used
+//! A region is left to cells where another surface may occlude a part of it, or where it moves so far during its use
 //! that the foot nears an edge.
 
 use std::f64::consts::{PI, TAU};
@@ -519,7 +519,7 @@ impl Region<'_> {
     }
 }
 
-/// Mean squared place on a piece weighted by the phase, half of which changes by `x` over the piece, relative to a
+/// Mean squared place on a piece weighted by the phase, with a change of its half by `x` over the piece, relative to a
 /// constant phase: -3 times the ratio of the second derivative of sinc to sinc.
 fn bend(x: f64) -> f64 {
     if x.abs() < 0.1 {

@@ -35,7 +35,7 @@ impl Join {
 /// Point and weight that stand for the cells of a quarter in a mask; none if they belong to several bodies or if their
 /// phases differ by more than `most` [rad] from the mean.
 ///
-/// Delay and weight are those of the sum at the centre of the band: with fields `f_i = w_i cos_i exp(-j phi_i)` the
+/// Delay and weight belong to the sum at the centre of the band: with fields `f_i = w_i cos_i exp(-j phi_i)` the
 /// phase is `Re(sum f_i phi_i / sum f_i)`, the delay of the sum, and the weight is turned to it. The point lies on the
 /// mean ray.
 #[cfg_attr(optimised, inline(always))] // part of a kernel

@@ -19,7 +19,7 @@ pub(super) struct TileLevel {
 }
 
 impl TileLevel {
-    /// Level of which nothing is split.
+    /// Level without splits.
     pub(super) fn new(tiles: Vec<Arc<SampledTile>>, base: Vec<u32>) -> Self {
         let mut keys: Vec<(u64, u32)> = tiles.iter().map(|tile| tile.place.key()).zip(0..).collect();
         keys.sort_unstable();
@@ -36,7 +36,7 @@ impl TileLevel {
         of_quarter(self.split[tile], quarter) == 0
     }
 
-    /// Tile at a place, if its rays are those of the packets.
+    /// Tile at a place, if its rays belong to the packets.
     pub(super) fn known(&self, place: &TileIndex, packets: u8) -> Option<Arc<SampledTile>> {
         let tile = &self.tiles[self.find(place)?];
         (tile.packets == packets).then(|| tile.clone())

@@ -82,7 +82,7 @@ impl TilePoints {
         }
     }
 
-    /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
+    /// Append the points of a quarter, joined where phases allow: all cells, or halves of cells that cannot be joined.
     #[cfg_attr(optimised, inline(always))]
     fn add_joined<I: Isa>(&mut self, context: &Context, cells: &TileCells, first: usize, plane: &ImagePlane) {
         let lit = cells.with_weight::<I>(first / PACKET);
@@ -126,8 +126,8 @@ impl TilePoints {
         }
     }
 
-    /// Append the point of a cell with the weight of every channel, whose taper is that of the slopes seen by its
-    /// antennas; none if all are zero.
+    /// Append the point of a cell with the weight of every channel, tapered by the slopes seen by its antennas; none if
+    /// all are zero.
     #[inline(never)]
     fn add_by_channel(&mut self, context: &Context, cells: &TileCells, cell: usize, plane: &ImagePlane) {
         let weight = |directions| context.weight(cells, cell, plane, directions);

@@ -41,7 +41,7 @@ const OF_STRONGEST: f64 = 0.1;
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
-/// Memory of a tile of which every cell is a point.
+/// Memory of a tile in which every cell is a point.
 const MOST_BYTES: usize = size_of::<(SampledTile, TileCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
 /// Refined tiles: material points of the specular part, and counts.
@@ -126,7 +126,7 @@ struct PreviousTiles<'a> {
 }
 
 impl Tiles {
-    /// Cast and refine the tiles of all sectors, of which there is at least one. `previous`: tiles at another time, and
+    /// Cast and refine the tiles of all sectors (at least one). `previous`: tiles at another time, and
     /// boxes where bodies have moved since, in the axes of every sector; static tiles are taken over.
     pub fn new(sectors: &[Sector], materials: &[Material], previous: Option<(&Self, &[Tree])>) -> Result<Self> {
         for sector in sectors {
@@ -384,8 +384,8 @@ impl RefineTiles<'_> {
     }
 
     /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual
-    /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
-    /// of a mesh.
+    /// error, blocks whose own error is too large or that may return power there, and all blocks of quarters that show
+    /// a small part of a mesh.
     fn wanted(&self, level: &TileLevel, tile: &SampledTile, number: usize, refinement: &Refinement) -> u16 {
         let sector = tile.place.sector;
         let context = &self.contexts[sector];

@@ -246,7 +246,7 @@ pub(super) const fn block(row: usize, column: usize) -> usize {
     4 * quarter + row % SIDE / 2 * 2 + column % SIDE / 2
 }
 
-/// Bits of a quarter's blocks in those of all: packets of the tile that the quarter is split into.
+/// Bits of a quarter's blocks among all blocks: packets of the finer tile of the quarter.
 pub(super) fn of_quarter(blocks: u16, quarter: usize) -> u8 {
     (blocks >> (PACKETS * quarter)) as u8 & 0xf
 }

@@ -23,7 +23,7 @@ pub struct FastTime<'a> {
     pub ratio: f64,
     /// Cells per turn of phase from the middle sample to the farthest one.
     pub cells_per_turn: f64,
-    /// Turns of phase per squared turn of the delay at the carrier, to be taken off: half the slope times the squared
+    /// Turns of phase per squared turn of the delay at the carrier, to be subtracted: half the slope times the squared
     /// delay.
     pub per_square: f64,
 }
@@ -171,8 +171,8 @@ impl<'a> FastTime<'a> {
 /// polynomials whose highest coefficients are one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Orders {
-    /// Phase but for the tone, of a delay of one turn [rad]. The first order is that of the delay, and counts as far as
-    /// the frequency received is not the carrier.
+    /// Phase but for the tone, of a delay of one turn [rad]. The first order comes from the delay, and counts by the
+    /// offset of the received frequency from the carrier.
     pub phase: [f64; MAX_ORDERS],
     /// Amplitude.
     pub amplitude: [f64; MAX_ORDERS],
@@ -209,7 +209,7 @@ pub struct Nodes {
 }
 
 impl Nodes {
-    /// Nodes that tell the coefficients of as many polynomials.
+    /// Nodes that determine the coefficients of the polynomials, one per polynomial.
     pub fn new(number: usize) -> Self {
         let (mut times, mut weights) = (Vec::new(), Vec::new());
         let norm = |n: usize| ((2 * n + 1) as f64).sqrt();

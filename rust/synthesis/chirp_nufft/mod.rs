@@ -3,9 +3,9 @@
 //! Within a chirp a path is nearly a tone, whose phase and frequency in the middle of every chirp follow from a short
 //! Chebyshev series over the frame, or over a block of chirps where motion is fast. A record has its coefficients;
 //! tables have what multiplies them, the same for all paths. The tone is spread over a few cells of a periodic grid of
-//! ranges; the transform of the grid, divided by that of the kernel, has its samples. What a path is besides a tone is
-//! expanded in Legendre polynomials of fast time, each of which has a grid of its own. What stands still is spread once
-//! for all chirps.
+//! ranges; the transform of the grid, divided by the transform of the kernel, has its samples. The deviation of a path
+//! from a tone is expanded in Legendre polynomials of fast time, with a grid for each. Static paths are spread once for
+//! all chirps.
 //!
 //! The error of the kernel and of the records is known before the sum.
 

@@ -39,8 +39,8 @@ const OF_SAMPLES: f64 = 2.2e-8;
 /// Chunks of paths of one task, a constant: sums of errors do not depend on the number of threads.
 const CHUNKS: usize = 8;
 
-/// Tolerance from which one record in [`STEP`] is enough to measure energies: what adds up in the others may be as strong
-/// again, which the narrowest kernel allows.
+/// Tolerance from which one record in [`STEP`] is enough to measure energies: the energy of the others may be equally
+/// strong, which the narrowest kernel allows.
 const COARSE: f64 = 1e-2;
 const STEP: usize = 4;
 
@@ -225,7 +225,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         numbers.dedup();
         let is_coarse = self.options.tolerance >= COARSE && self.num_paths >= FEWEST_SAMPLED;
         let step = if is_coarse { STEP } else { 1 };
-        // Groups of as many blocks share them.
+        // Groups with the same number of blocks share them.
         let of_channel = |channel: usize| {
             let (mut power, mut energy) = (0.0, 0.0);
             for number in &numbers {
@@ -284,7 +284,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
                 let bound = self.bound(width, |errors| {
                     left_out(errors) + if is_first_order { errors.products } else { 0.0 }
                 });
-                // What is exceeded, then what it costs.
+                // The exceeded error, then the cost.
                 let excess = bound.with_gain(known) / tolerance;
                 let excess = if excess.is_nan() {
                     f64::INFINITY

@@ -19,14 +19,14 @@ const AMPLITUDE_SHARE: f64 = 0.01;
 /// Largest carrier over the frequency received.
 const MAX_CARRIER_RATIO: f64 = 4.0;
 
-/// Phase within a chirp beyond which bounds of errors need not grow [rad].
+/// Phase within a chirp above which error bounds need not grow [rad].
 const MOST_TURNED: f64 = 4.0;
 
 /// Squared magnitude of scaled amplitudes that have no direction.
 const NO_AMPLITUDE: f64 = 1e-36;
 
-/// Safety factor of what series leave out: echoes of a smooth surface cancel but for those of its ends, whose phases may
-/// bend most. Without it, errors of plates were up to 1.25 times the bound.
+/// Safety factor of the truncation error: echoes of a smooth surface cancel except at its ends, which may have the
+/// largest phase curvature. Without it, errors of plates were up to 1.25 times the bound.
 const SAFETY: f64 = 1.5;
 
 /// Rows of a record: constant part of the phase at the middle sample, with the argument of the amplitude [turns].
@@ -83,7 +83,7 @@ pub struct Errors<V> {
     pub power: V,
     /// Power of the strongest path in a block [W].
     pub strongest: V,
-    /// Squares of what a block is too long for: coefficients beyond those of records [W].
+    /// Squared truncation error of a long block: coefficients beyond the records [W].
     pub series: V,
     /// Squares of the rounding of coefficients of delays, each of them rounded by one [rad^2 W].
     pub rounding: V,
@@ -402,7 +402,7 @@ impl<T: Number> Build<'_, T> {
             small,
             carrier_ratio,
         } = *sizes;
-        // Orders of the amplitude times exp(j phase): those of the factors, and products, powers of fast time, which also
+        // Orders of the amplitude times exp(j phase): of the factors, and products, powers of fast time, which also
         // have polynomials of lower degrees.
         let size = power.sqrt();
         let detuned = absolute(carrier_ratio.sub(number::<T, I>(1.0)));
@@ -499,7 +499,7 @@ impl<T: Number> Build<'_, T> {
     }
 }
 
-/// Sum of the coefficients of the paths of a vector that are at most `least`, and the number of those that count.
+/// Sum of the coefficients of the paths of a vector that are at most `least`, and the number of the others.
 #[cfg_attr(optimised, inline(always))]
 fn small_ones<T: Number, I: Isa>(rows: &[LaneRow<T>], lane: usize, least: T::In<I>) -> (T::In<I>, usize) {
     let (mut sum, mut count) = (number::<T, I>(0.0), 0);

@@ -191,7 +191,7 @@ impl<'a, T: Number> Spreading<'a, T> {
                 (8, 10) => self.add_record::<I, 10>(record, moving, strengths, grids),
                 (8, 12) => self.add_record::<I, 12>(record, moving, strengths, grids),
                 (8, 14) => self.add_record::<I, 14>(record, moving, strengths, grids),
-                _ => unreachable!("widths are those of the precision"),
+                _ => unreachable!("widths of the precision"),
             }
         }
     }
@@ -213,7 +213,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         }
     }
 
-    /// Compute places on the grids [cells after that of the path], and strengths, of the moving paths of a record in the
+    /// Compute places on the grids [cells after the path's], and strengths, of the moving paths of a record in the
     /// chirps of all lanes; with `N` nodes, or none for the first order.
     #[cfg_attr(optimised, inline(always))]
     fn compute<I: Isa, const N: usize>(

@@ -108,8 +108,8 @@ impl<T: Precision> Grid<T> {
     }
 }
 
-/// Polynomials of the cells of the kernels along range and velocity, `[power][cell]`: those of either axis in whole halves
-/// of vectors, one after the other.
+/// Polynomials of the cells of the kernels along range and velocity, `[power][cell]`: of either axis in whole halves of
+/// vectors, one after the other.
 fn tap_table<T: Precision>(kernels: &[KaiserBessel; 2]) -> Vec<T> {
     let width = kernels[0].width;
     let padded = width.next_multiple_of(VECTOR / size_of::<T>() / 2);

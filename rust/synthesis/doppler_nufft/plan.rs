@@ -44,8 +44,8 @@ const GAIN_RESERVE: f64 = 1.1;
 const ENERGY_RESERVE: f64 = 1.26;
 /// Load of cells that first plans allow for, see [`kernel_error`].
 const LOAD_RESERVE: f64 = 250.0;
-/// Numbers of paths for one that is measured, if a tolerance leaves room for this energy times the number: what adds up
-/// in the others may be strong.
+/// Numbers of paths for one that is measured, if a tolerance leaves room for this energy times the number: the sum of
+/// the others may be strong.
 const STEPS: [usize; 3] = [8, 4, 2];
 const ENERGY_PER_STEP: f64 = 7.0;
 /// Fewest paths for a measurement by some of them; the order of fewer paths does not matter.
@@ -71,7 +71,7 @@ pub struct DopplerPlan<'a> {
     pub error: ErrorBound,
 }
 
-/// Velocity axis of moving paths, and the expansion of their residual phases about those of the middle path, in powers of
+/// Velocity axis of moving paths, and the expansion of their residual phases about the middle path, in powers of
 /// p, which lies evenly about zero, and of q from its middle.
 #[derive(Clone, Copy, Debug)]
 pub struct Moving {

@@ -89,7 +89,7 @@ impl<'a> SlowTime<'a> {
     }
 }
 
-/// Consecutive samples of all chirps, as many as a vector has lanes.
+/// Consecutive samples of all chirps, one per lane of a vector.
 struct Tile<'a, T> {
     slow: &'a SlowTime<'a>,
     spectra: &'a [Vec<T>],
@@ -283,7 +283,7 @@ impl<T: Precision> Tile<'_, T> {
     }
 }
 
-/// Phasors of 0, 1, 2, ... times some turns, `len` of them: those of powers of two, and their products.
+/// Phasors of 0, 1, 2, ... times some turns, `len` of them: of powers of two, and their products.
 #[cfg_attr(optimised, inline(always))]
 fn powers<T: Precision, I: Isa, const P: usize>(turns: Wide<I, P>, len: usize) -> [[T::In<I>; 2]; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];

@@ -69,7 +69,7 @@ impl<T: Precision> SpreadPoints<'_, T> {
         }
     }
 
-    /// Add the patches of all paths, those of consecutive paths in one cell summed in registers first.
+    /// Add the patches of all paths; consecutive paths in one cell are summed in registers first.
     #[cfg_attr(optimised, inline(always))]
     fn merge<I: Isa, const W: usize, const R: usize, const N: usize>(self) {
         let (points, layout) = (self.points, &self.grid.layout);
@@ -106,8 +106,8 @@ fn table<T: Precision, I: Isa, const W: usize, const N: usize>(table: &[T]) -> [
     polynomials
 }
 
-/// Taps of a path along range, for real and imaginary parts, and along velocity: those of both axes share vectors, as
-/// shuffles are free here, and loads and stores are not.
+/// Taps of a path along range, for real and imaginary parts, and along velocity: both axes share vectors, as shuffles
+/// are free here, and loads and stores are not.
 #[cfg_attr(optimised, inline(always))]
 fn taps<T: Precision, I: Isa, const W: usize, const R: usize, const N: usize>(
     table: &[[T::In<I>; N]; MAX_DEGREE + 1],

@@ -108,7 +108,7 @@ fn edges_that_cross_are_refused_with_their_line() {
         let message = format!("face: expected {CROSSED}, got `1{corners}`");
         assert_refused(polygon_file(&tilted(&ring).0), ring.len() + 1, &message);
     }
-    // Corners on a grid of 5 x 5: six ears of 5 in all, as much as the ring, of which one of 1.5 is turned over.
+    // Corners on a grid of 5 x 5: six ears of 5 in all, equal to the ring; one of 1.5 is turned over.
     let ring = [
         25, 9, 14, 18, 13, 14, 21, 22, 5, 7, 24, 6, 17, 13, 22, 10, 9, 3, 16, 8, 4,
     ];
@@ -118,7 +118,7 @@ fn edges_that_cross_are_refused_with_their_line() {
 
 #[test]
 fn rings_beyond_hope_are_given_up_soon() {
-    // What takes cubic time takes seconds here: a curve and the way back along it, noise beside it.
+    // Cubic algorithms take seconds here: a curve and its reverse, with noise.
     for noise in [1e-15, 1e-9, 1e-3] {
         let corner = |i: i32| {
             let angle = TAU * f64::from(i.min(1499 - i)) / 750.0;

@@ -54,7 +54,7 @@ proptest! {
         let next = points.iter().cycle().skip(1);
         let true_area = points.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0;
 
-        // No part of the area is missing, none is counted twice, and the winding is that of the ring.
+        // No part of the area is missing, none is counted twice, and the winding equals the ring's.
         let rounding = 1e-13; // of coordinates up to 3 in 38 triangles
         let obj = read(&polygon_file(&ring));
         prop_assert_eq!(obj.triangles.len(), points.len() - 2);
