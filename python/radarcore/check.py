@@ -197,16 +197,14 @@ def _numbers(
 
 def shaped(name: str, values: NDArray[_Scalar], shape: tuple[int | None, ...]) -> NDArray[_Scalar]:
     """An array of the given shape (None: any length), or a ValueError."""
-    if not fits(values.shape, shape):
+    if values.shape != shape and not fits(values.shape, shape):
         raise ValueError(f"{name}: expected shape {shape_text(shape)}, got {values.shape}")
     return values
 
 
 def fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
     """True for a shape with the expected lengths (None: any)."""
-    return shape == expected or (
-        len(shape) == len(expected) and all(want in (None, got) for want, got in zip(expected, shape, strict=True))
-    )
+    return len(shape) == len(expected) and all(want in (None, got) for want, got in zip(expected, shape, strict=True))
 
 
 def finite(name: str, values: NDArray[_Scalar]) -> NDArray[_Scalar]:

@@ -22,23 +22,17 @@ def sealed(kind: _Kind) -> _Kind:
         construct(self, *args, **given)
         object.__setattr__(self, "_sealed", frozenset(getattr(self, "__dict__", ())))
 
-    def check(self: Any, name: str) -> None:
-        if type(self) is kind or name in self._sealed or hasattr(kind, name):
-            raise AttributeError(f"{name}: attributes of {kind.__name__} are read-only; make another one")
+    def checked(change: Callable[..., None]) -> Callable[..., None]:
+        def act(self: Any, name: str, *value: object) -> None:
+            if hasattr(self, "_sealed") and (type(self) is kind or name in self._sealed or hasattr(kind, name)):
+                raise AttributeError(f"{name}: attributes of {kind.__name__} are read-only; make another one")
+            change(self, name, *value)
 
-    def put(self: Any, name: str, value: object) -> None:
-        if hasattr(self, "_sealed"):
-            check(self, name)
-        object.__setattr__(self, name, value)
-
-    def remove(self: Any, name: str) -> None:
-        if hasattr(self, "_sealed"):
-            check(self, name)
-        object.__delattr__(self, name)
+        return act
 
     kind.__init__ = make  # type: ignore[misc]
-    kind.__setattr__ = put  # type: ignore[assignment]
-    kind.__delattr__ = remove  # type: ignore[assignment]
+    kind.__setattr__ = checked(object.__setattr__)  # type: ignore[method-assign]
+    kind.__delattr__ = checked(object.__delattr__)  # type: ignore[method-assign]
     return kind
 
 

@@ -293,7 +293,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 def _unsearched_maxima(power: NDArray[np.float64], search: Search) -> NDArray[np.int64]:
     """Largest local maximum of each column that is not searched, such as leakage: (cell, row and column)."""
-    beside = search.beside
+    beside = [*range(search.first), *range(search.last, search.layout.num_columns)]
     cells = np.ascontiguousarray(np.array([power[:, beside].argmax(axis=0), beside], dtype=np.int64).T)
     return np.asarray(cells[_core.local_maxima(power, cells, is_cyclic=search.layout.is_iq)])
 

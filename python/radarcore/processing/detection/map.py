@@ -273,25 +273,15 @@ class Search:
     """Exclusive."""
     guards: tuple[int, int]
     trainings: tuple[int, int]
-    counts: NDArray[np.intp]
-    """Training cells, (row, column from `first` on)."""
+    scale: NDArray[np.float64]
+    """Threshold over the sum of the training cells, 0 where none is tested, (row, column from `first` on)."""
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
 
     @cached_property
     def is_tested(self) -> NDArray[np.bool_]:
         """True for cells with noise and with training cells, (row, column from `first` on)."""
-        return np.isfinite(self.factor) & (self.layout.row_gain > LEAST_GAIN)[:, None]
-
-    @cached_property
-    def _scale(self) -> NDArray[np.float64]:
-        """Threshold over the sum of the training cells, 0 where none is tested."""
-        return np.asarray(np.where(self.is_tested, self.factor, 0.0) / np.maximum(self.counts, 1))
-
-    @cached_property
-    def beside(self) -> NDArray[np.intp]:
-        """Columns of the map that are not searched."""
-        return np.delete(np.arange(self.layout.num_columns), slice(self.first, self.last))
+        return self.scale > 0.0
 
     @cached_property
     def _near(self) -> NDArray[np.intp]:
@@ -309,7 +299,7 @@ class Search:
         near = np.partition(power, len(power) // 2, axis=0)[len(power) // 2][self._near]
         reach = near.shape[1] // 2
         limited = np.minimum(power, _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach])
-        return np.asarray(self._scale * training_sums(limited, self.guards, self.trainings))
+        return np.asarray(self.scale * training_sums(limited, self.guards, self.trainings))
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells (cell, 2) of such a map."""
@@ -336,7 +326,9 @@ def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
     share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
     independent = np.maximum(share * counts, np.minimum(counts, 1))
     factor = averaging_factor(independent, settings.false_alarm_rate, layout.num_looks)
-    return Search(layout, first, last, guards, trainings, counts, factor)
+    is_tested = np.isfinite(factor) & (layout.row_gain > LEAST_GAIN)[:, None]
+    scale = np.where(is_tested, factor, 0.0) / np.maximum(counts, 1)
+    return Search(layout, first, last, guards, trainings, scale, factor)
 
 
 _PER_CELL = 16

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -161,7 +161,7 @@ def separation(
     if not isinstance(robot, Iterable):
         raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
     links = _links(tuple(check.instance("robot", body, Body) for body in robot))
-    outlines: dict[float, _Outlines] = {}
+    outlines = cache(links.outlines)
     found = []
     for state in tracks:
         check.instance("tracks", state, TrackState)
@@ -170,16 +170,16 @@ def separation(
         now = state.time if time is None else check.time("time", time)
         if now < state.time:
             raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
-        outlines[now] = outline = outlines.get(now) or links.outlines(now)
+        extents, rates = outlines(now)
         person = _person(state, now, body_radius)
-        distance, away = outline.distances(person.places)
+        distance, away = _distances(extents, person.places)
 
         # Required distances of all links from all discs.
         is_hidden = not (state.is_observable or state.is_detected)  # it would be detected as soon as it moved
         age = max(now - (state.time if is_hidden else state.seen), 0.0)
         waiting = reaction_time + age
         walking = max(human_speed, person.speed) * (waiting + stopping_time)
-        approach = np.maximum(links.extents(outline.rates, away), 0.0)
+        approach = np.maximum(links.extents(rates, away), 0.0)
         way = approach * stopping_time if stopping_distance is None else stopping_distance
         deviation = np.sqrt(np.vecdot(away @ person.covariance, away))
         limit = walking + approach * waiting + way + intrusion + coverage * deviation + robot_uncertainty
@@ -234,10 +234,10 @@ class _Links:
         self._hulls = [_corners(body.mesh) for body in bodies]
         self._motions = Motions([body.motion for body in bodies])
 
-    def outlines(self, time: float) -> _Outlines:
-        """The links at a time, seen from above."""
+    def outlines(self, time: float) -> tuple[Array, Array]:
+        """Extents of the links at a time in `_DIRECTIONS` (link, 128) [m], and rates of their maps (link, 2, 4)."""
         poses, rates = self._motions.poses_and_rates_at(np.array([time]))[:, 0, :, :2]
-        return _Outlines(self.extents(poses, _DIRECTIONS), rates)
+        return self.extents(poses, _DIRECTIONS), rates
 
     def extents(self, maps: Array, directions: Array) -> Array:
         """Largest coordinates (link, n) of the corners, by maps (link, 2, 4), along directions ([link,] n, 2)."""
@@ -248,22 +248,13 @@ _links = lru_cache(maxsize=16)(_Links)
 """Links of the bodies of a robot, prepared once."""
 
 
-class _Outlines(NamedTuple):
-    """Links of a robot at a time, seen from above."""
+def _distances(extents: Array, points: Array) -> tuple[Array, Array]:
+    """Distances of points (n, 2) from outlines (link, n), 0 inside, and directions to the points (link, n, 2).
 
-    extents: Array
-    """Of the outlines in `_DIRECTIONS`, from the origin (link, 128) [m]."""
-    rates: Array
-    """Time derivatives of the first two rows of ``[rotation | position]`` (link, 2, 4)."""
-
-    def distances(self, points: Array) -> tuple[Array, Array]:
-        """Distances of points (n, 2) from the outlines (link, n), 0 inside, and directions to the points (link, n, 2).
-
-        A distance is the largest one by which a line separates both.
-        """
-        beyond = points @ _DIRECTIONS.T - self.extents[:, None]
-        best = beyond.argmax(axis=2)
-        return np.maximum(beyond.max(axis=2), 0.0), _DIRECTIONS[best]
+    A distance is the largest one by which a line separates both.
+    """
+    beyond = points @ _DIRECTIONS.T - extents[:, None]
+    return np.maximum(beyond.max(axis=2), 0.0), _DIRECTIONS[beyond.argmax(axis=2)]
 
 
 @lru_cache(maxsize=256)
