@@ -1,35 +1,50 @@
-"""From samples to the distance that a robot has to keep: processor time of each stage, and errors against the truth.
+"""A person near an arm, from samples to the distance to keep: detection, tracks, distances, false tracks, time.
 
 python benches/separation.py         print the tables
 python benches/separation.py --write also write the section of docs/separation.md
 python benches/separation.py --tiny  a few frames
 
-A UR10 swings a radar on its flange by +-15 degrees in a room while a person walks towards it, and away from it. The
-truth is the distance between the surfaces of person and arm, by all vertices of their meshes.
+A UR10 swings a radar on its flange by +-15 degrees in a room with a table, while a person walks or stands in front of
+it. The truth is the distance between the surfaces of person and arm, by all vertices of their meshes.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.stats import binomtest
 
 import radarcore as rc
 from page import DOCS, machine, table, write_section
 
-RATE, NUM_WALKS, NUM_FRAMES = 40.0, 10, 100
+RATE, NUM_SEEDS, NUM_FRAMES, NUM_EMPTY = 40.0, 10, 200, 7200
 
 TEXT = """\
 ## Errors and time
 
-A UR10 swings the radar on its flange by +-15 degrees in a room while somebody walks towards it: {num_walks} walks of
-{num_frames} frames at 40 Hz, with the settings above. The truth is the distance between the surfaces of person and arm,
-seen from above. Written by `python benches/separation.py --write`.
+A UR10 swings the radar on its flange by +-15 degrees in a room with a table. Somebody walks towards it and past it at
+0.6 to 1.2 m/s, or stands 1 to 4 m from it and at least 0.5 m from table and walls: {num_seeds} persons each,
+{num_frames} frames at 40 Hz, with the settings above and `static_map=StaticMap.of([room, table])`. Written by
+`python benches/separation.py --write`.
 
-{errors}
+A frame counts as detected if a detection is within 0.5 m of the trunk, and as tracked if a confirmed track is, both
+seen from above. SNR: of the strongest cell of the person, mean of the channels. In brackets: 95 % intervals.
+
+{by_range}
+
+{by_snr}
+
+A false track is farther than 0.5 m from the person. The truth of distances is between the surfaces of person and arm,
+seen from above.
+
+{tracks}
 
 Processor time of one frame on one thread ({machine}, shared with others):
 
@@ -38,51 +53,145 @@ Processor time of one frame on one thread ({machine}, shared with others):
 
 Array = NDArray[np.float64]
 
+FOUND = 0.5
+"""Largest distance of detections and tracks from a trunk, seen from above [m]."""
+
+RADAR = rc.bgt60tr13c(max_velocity=6.0)
+ARM = rc.models.RobotArm.ur10().moving(
+    lambda t: np.deg2rad([15.0 * np.sin(1.5 * t), -112.0, 134.6, -22.6, 90.0, 0.0]), base=rc.Pose([0.0, 0.0, 0.7])
+)
+MOTION = rc.Attached(ARM.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ rc.models.RADAR_AT_TOOL0)
+LINKS = ARM.bodies()
+ROOM = rc.Body(
+    rc.shapes.box([7.0, 6.0, 2.8]), material=rc.materials["plasterboard"], motion=rc.Pose([2.5, 0.0, 1.4]), name="room"
+)
+TABLE = rc.Body(
+    rc.shapes.box([0.8, 1.4, 0.04]), material=rc.materials["wood"], motion=rc.Pose([2.2, -1.9, 0.75]), name="table"
+)
+KNOWN = rc.processing.StaticMap.of([ROOM, TABLE])
+
+
+class Row(NamedTuple):
+    """A frame with a person."""
+
+    range: float
+    """Of the trunk [m]."""
+    snr_db: float
+    is_detected: bool
+    is_tracked: bool
+    num_false: int
+    """False tracks."""
+    error: float
+    """Of the distance [m]; NaN without one."""
+    required: float
+    """[m]; likewise."""
+
+
+def walking(rng: np.random.Generator) -> rc.models.Human:
+    speed = rng.uniform(0.6, 1.2)
+    path = [[rng.uniform(3.8, 4.4), rng.uniform(-1.0, 1.0)], [0.9, rng.uniform(-0.2, 0.2)]]
+    return rc.models.Human(height=rng.uniform(1.6, 1.9), speed=speed, path=path, phase=rng.uniform())
+
+
+def standing(rng: np.random.Generator) -> rc.models.Human:
+    while True:
+        distance, azimuth = rng.uniform(1.0, 4.0), np.deg2rad(rng.uniform(-35.0, 35.0))
+        place = np.array([0.4, 0.0]) + distance * np.array([np.cos(azimuth), np.sin(azimuth)])
+        around = [[*place + 0.75 * np.array([np.cos(b), np.sin(b)]), 0.75] for b in np.linspace(0.0, 6.0, 16)]
+        if KNOWN.distances(around).min() > 0.1 and abs(place[1]) < 2.25:
+            bearing = rng.uniform(0.0, 2.0 * np.pi)
+            path = [place, place + np.array([np.cos(bearing), np.sin(bearing)])]
+            return rc.models.Human(height=rng.uniform(1.6, 1.9), speed=0.0, path=path, phase=rng.uniform())
+
+
+PEOPLE: dict[str, Callable[[np.random.Generator], rc.models.Human]] = {"walking": walking, "standing": standing}
+
 
 def above(bodies: list[rc.Body], when: float) -> Array:
     """All vertices of bodies, seen from above (n, 2) [m]."""
     return np.concatenate([body.motion.at(when).apply(body.mesh.vertices)[:, :2] for body in bodies])
 
 
-def swing(when: float) -> Array:
-    return np.deg2rad([15.0 * np.sin(1.5 * when), -112.0, 134.6, -22.6, 90.0, 0.0])
+def peak_db(frame: rc.Frame) -> float:
+    """SNR of the strongest cell, mean of the channels [dB]."""
+    power = np.sum(np.square(np.abs(rc.processing.range_doppler(frame))), axis=0)
+    return float(10.0 * np.log10(power.max() / rc.processing.noise_level(power, num_looks=len(frame.cube))))
 
 
-def walk(seed: int, num_frames: int) -> tuple[list[float], list[float], int, dict[str, list[float]]]:
-    """Errors of distances [m], required distances [m], frames without a person, and times of the stages [ms]."""
-    rng = np.random.default_rng(seed)
-    moving = rc.models.RobotArm.ur10().moving(swing, base=rc.Pose([0.0, 0.0, 0.7]))
-    motion = rc.Attached(moving.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ rc.models.RADAR_AT_TOOL0)
-    path = [[rng.uniform(3.8, 4.4), rng.uniform(-1.0, 1.0)], [0.9, rng.uniform(-0.2, 0.2)]]
-    person = rc.models.Human(height=rng.uniform(1.6, 1.9), speed=rng.uniform(0.6, 1.2), path=path, phase=rng.uniform())
-    walls = rc.materials["plasterboard"]
-    room = rc.Body(rc.shapes.box([7.0, 6.0, 2.8]), material=walls, motion=rc.Pose([2.5, 0.0, 1.4]), name="room")
-    radar = rc.bgt60tr13c(max_velocity=6.0)
-    body, links = person.bodies(), moving.bodies()
-    simulator = rc.Simulator(rc.Scene([room, *body]), radar, radar_motion=motion)
-    tracker = rc.Tracker(motion, targets="people", velocity_ambiguity=2.0 * radar.max_velocity)
-    errors: list[float] = []
-    required: list[float] = []
-    missed = 0
-    times: dict[str, list[float]] = {"detect": [], "track": [], "separation": [], "all": []}
+def simulator(bodies: list[rc.Body]) -> rc.Simulator:
+    return rc.Simulator(rc.Scene(bodies), RADAR, radar_motion=MOTION)
+
+
+def tracker() -> rc.Tracker:
+    return rc.Tracker(MOTION, KNOWN, targets="people", velocity_ambiguity=2.0 * RADAR.max_velocity)
+
+
+def followed(kind: str, seed: int, num_frames: int, times: dict[str, list[float]]) -> tuple[list[Row], int]:
+    """Frames with a person, and the number of tracks at the person; adds the times of the stages [ms]."""
+    person = PEOPLE[kind](np.random.default_rng(seed))
+    body, trunk, following = person.bodies(), person.segment_motion("trunk"), tracker()
+    everything, alone = simulator([ROOM, TABLE, *body]), simulator(body)
+    rows: list[Row] = []
+    ids: set[int] = set()
     for k in range(num_frames):
-        frame = simulator.frame(k / RATE)
+        frame = everything.frame(k / RATE)
         marks = [time.thread_time()]
         found = rc.detect(frame)
         marks.append(time.thread_time())
-        states = tracker.update(found)
+        states = [state for state in following.update(found) if state.is_confirmed]
         marks.append(time.thread_time())
-        separations = rc.separation(states, links)
+        separations = rc.separation(states, LINKS)
         marks.append(time.thread_time())
         for stage, spent in zip(times, [*np.diff(marks), marks[-1] - marks[0]], strict=True):
             times[stage].append(1e3 * spent)
-        if not separations:
-            missed += k >= 3  # a track takes three detections
-            continue
-        distances, _ = cKDTree(above(links, found.time)).query(above(body, found.time))
-        errors.append(separations[0].distance - float(distances.min()))
-        required.append(separations[0].required)
-    return errors, required, missed, times
+
+        sensor, place = MOTION.at(found.time), trunk.at(found.time).position
+        off = np.linalg.norm(sensor.apply(found.position)[:, :2] - place[:2], axis=1)
+        near = [bool(np.linalg.norm(state.position[:2] - place[:2]) < FOUND) for state in states]
+        ids |= {state.id for state, is_near in zip(states, near, strict=True) if is_near}
+        distances, _ = cKDTree(above(LINKS, found.time)).query(above(body, found.time))
+        own = [one for one in separations if any(n and s.id == one.track for n, s in zip(near, states, strict=True))]
+        values = (own[0].distance - float(np.min(distances)), own[0].required) if own else (np.nan, np.nan)
+        distance = float(np.linalg.norm(place - sensor.position))
+        is_detected = bool((off < FOUND).any())
+        rows.append(Row(distance, peak_db(alone.frame(k / RATE)), is_detected, any(near), near.count(False), *values))
+    return rows, len(ids)
+
+
+def false_tracks(num_frames: int) -> int:
+    """Confirmed tracks in a room without people."""
+    empty, following = simulator([ROOM, TABLE]), tracker()
+    ids: set[int] = set()
+    for k in range(num_frames):
+        ids |= {state.id for state in following.update(rc.detect(empty.frame(k / RATE))) if state.is_confirmed}
+    return len(ids)
+
+
+def share(hits: list[bool]) -> str:
+    """Percentage of hits with its interval."""
+    low, high = binomtest(sum(hits), len(hits)).proportion_ci(method="wilson")
+    return f"{100.0 * np.mean(hits):.1f} ({100.0 * low:.1f} to {100.0 * high:.1f})"
+
+
+def rates(rows: dict[str, list[Row]], name: str, edges: list[float], unit: str) -> str:
+    """Table of detection rates in bins of a field."""
+    lines = []
+    for kind, frames in rows.items():
+        for low, high in pairwise(edges):
+            inside = [row for row in frames if low <= getattr(row, name) < high]
+            if len(inside) >= 20:
+                rate = [share([row.is_detected for row in inside]), share([row.is_tracked for row in inside])]
+                snr = f"{np.median([row.snr_db for row in inside]):.0f}"
+                lines.append([kind, f"{low:g} to {high:g}", str(len(inside)), snr, *rate])
+    header = [
+        "person",
+        f"{name.removesuffix('_db')} [{unit}]",
+        "frames",
+        "median SNR [dB]",
+        "detected [%]",
+        "tracked [%]",
+    ]
+    return table(header, lines or [["-"] * len(header)])
 
 
 def main() -> None:
@@ -90,26 +199,37 @@ def main() -> None:
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--write", action="store_true", help="write the section of docs/separation.md")
     options = parser.parse_args()
-    num_walks, num_frames = (1, 6) if options.tiny else (NUM_WALKS, NUM_FRAMES)
-    walks = [walk(seed, num_frames) for seed in range(num_walks)]
-    error = np.concatenate([errors for errors, *_ in walks])
-    required = np.concatenate([each for _, each, *_ in walks])
-    share = 100.0 * len(error) / max(1, num_walks * (num_frames - 3))
-    rows = [
-        ["median error of the distance [m]", f"{np.median(error):+.3f}"],
-        ["5 to 95 % of the errors [m]", f"{np.percentile(error, 5):+.3f} to {np.percentile(error, 95):+.3f}"],
-        ["required distance, median [m]", f"{np.median(required):.2f}"],
-        ["frames with a distance, after the first three [%]", f"{min(share, 100.0):.1f}"],
-    ]
-    errors = table(["quantity", "value"], rows)
-    stages = {name: np.concatenate([times[name] for *_, times in walks]) for name in walks[0][3]}
-    times = table(
-        ["stage", "median [ms]", "95 % [ms]"],
-        [[name, f"{np.median(each):.2f}", f"{np.percentile(each, 95):.2f}"] for name, each in stages.items()],
-    )
-    print(f"{errors}\n\n{times}")
+    num_seeds, num_frames, num_empty = (1, 6, 6) if options.tiny else (NUM_SEEDS, NUM_FRAMES, NUM_EMPTY)
+    times: dict[str, list[float]] = {"detect": [], "track": [], "separation": [], "all": []}
+    runs = {kind: [followed(kind, seed, num_frames, times) for seed in range(num_seeds)] for kind in PEOPLE}
+    rows = {kind: [row for each, _ in of_kind for row in each] for kind, of_kind in runs.items()}
+    minutes = num_seeds * num_frames / RATE / 60.0
+    lines = []
+    for kind, frames in rows.items():
+        errors = np.array([row.error for row in frames if np.isfinite(row.error)] or [np.nan])
+        low, middle, high = np.percentile(errors, [5, 50, 95])
+        lines += [
+            [kind, "frames with a track at the person [%]", share([row.is_tracked for row in frames])],
+            [kind, "tracks per person", f"{np.mean([number for _, number in runs[kind]]):.1f}"],
+            [kind, "error of the distance, median [m]", f"{middle:+.3f}"],
+            [kind, "error of the distance, 5 to 95 % [m]", f"{low:+.3f} to {high:+.3f}"],
+            [kind, "required distance, median [m]", f"{np.nanmedian([row.required for row in frames]):.2f}"],
+            [kind, "frames with false tracks [%]", share([row.num_false > 0 for row in frames])],
+        ]
+    number, empty = false_tracks(num_empty), num_empty / RATE / 60.0
+    lines.append(["nobody", f"tracks in {empty:.1f} min", str(number)])
+    tables: dict[str, Any] = {
+        "by_range": rates(rows, "range", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "m"),
+        "by_snr": rates(rows, "snr_db", [0.0, 18.0, 24.0, 30.0, 36.0, 60.0], "dB"),
+        "tracks": table(["person", "quantity", "value"], lines),
+        "times": table(
+            ["stage", "median [ms]", "95 % [ms]"],
+            [[name, f"{np.median(each):.2f}", f"{np.percentile(each, 95):.2f}"] for name, each in times.items()],
+        ),
+    }
+    print("\n\n".join(tables.values()), f"\n\n{minutes:.1f} min of each kind")
     if options.write:
-        text = TEXT.format(num_walks=num_walks, num_frames=num_frames, errors=errors, times=times, machine=machine())
+        text = TEXT.format(num_seeds=num_seeds, num_frames=num_frames, machine=machine(), **tables)
         write_section(DOCS / "separation.md", "separation", text)
 
 
