@@ -22,6 +22,8 @@ from radarcore.processing.estimation.bounds import CramerRaoBound as CramerRaoBo
 from radarcore.processing.estimation.bounds import chirp_rate_bound as chirp_rate_bound
 from radarcore.processing.estimation.bounds import doppler_bound as doppler_bound
 from radarcore.processing.estimation.bounds import up_down_bound as up_down_bound
+from radarcore.processing.estimation.breathing import Breathing as Breathing
+from radarcore.processing.estimation.breathing import breathing as breathing
 from radarcore.processing.estimation.calibration import Calibration as Calibration
 from radarcore.processing.estimation.calibration import calibrate as calibrate
 from radarcore.processing.estimation.velocity import VelocityEstimate as VelocityEstimate
