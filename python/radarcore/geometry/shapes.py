@@ -75,7 +75,7 @@ def disc(radius: float, *, segments: int | None = None, sagitta: float = 5e-5) -
     radius : float
         Radius of the disc [m].
     segments : int, optional
-        Corners of the polygon, at least 3; default: what `sagitta` asks for.
+        Corners of the polygon, at least 3; default: from `sagitta`.
     sagitta : float
         Largest distance of the polygon's rim from the circle [m].
 
@@ -199,7 +199,7 @@ def cylinder(
     radius, length : float
         Radius, and length along z [m].
     segments : int, optional
-        Facets round the axis, at least 3; default: what `sagitta` asks for. Fewer than 9 make a prism with
+        Facets round the axis, at least 3; default: from `sagitta`. Fewer than 9 make a prism with
         flat sides: they meet at more than the crease angle.
     sagitta : float
         Largest distance of a facet from the cylinder [m].
@@ -244,7 +244,7 @@ def capsule(radius: float, length: float, *, segments: int | None = None, sagitt
     length : float
         Total length along z [m], half-spheres included: at least ``2 * radius`` (a sphere).
     segments : int, optional
-        Facets round the axis, a multiple of 4; default: what `sagitta` asks for.
+        Facets round the axis, a multiple of 4; default: from `sagitta`.
     sagitta : float
         Largest distance of a facet from the capsule [m].
 

@@ -92,8 +92,8 @@ def tracks_from_above(
 
     Without a motion the world is the sensor frame, and the sensor is at its origin. A sensor that moves is drawn at its
     last known place, with its path. Tracks are lines in a colour each from a dot at their first detection, dotted where
-    frames had no detection; at their end is an ellipse of two standard deviations. The truth is grey; if the sensor
-    moves, it is drawn in frames that have a track.
+    frames had no detection; at their end is an ellipse of two standard deviations. The truth is grey; with a moving
+    sensor it is drawn in frames with a track.
 
     Parameters
     ----------

@@ -144,9 +144,9 @@ class Material:
 
     See Also
     --------
-    materials : Those with a name.
-    Material.dielectric : By its permittivity.
-    Material.lambertian : That scatters alone.
+    materials : Named materials.
+    Material.dielectric : From a permittivity.
+    Material.lambertian : Diffuse scattering alone.
 
     Examples
     --------
@@ -178,7 +178,7 @@ class Material:
 
         See Also
         --------
-        Material.dielectric : By its permittivity.
+        Material.dielectric : From a permittivity.
 
         Examples
         --------
@@ -218,8 +218,8 @@ class Material:
 
         See Also
         --------
-        materials : Those with a name.
-        Material.with_surface : A known one, rough or as a slab.
+        materials : Named materials.
+        Material.with_surface : A known material, rough or as a slab.
 
         Examples
         --------

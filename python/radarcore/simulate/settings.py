@@ -205,7 +205,7 @@ def _ray_budget(value: float, cells: Sectors) -> float:
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:
-    pair = (value, value) if np.ndim(value) == 0 else tuple(value)  # type: ignore[arg-type]  # ndim tells them apart
+    pair = (value, value) if np.ndim(value) == 0 else tuple(value)  # type: ignore[arg-type]  # ndim distinguishes them
     if len(pair) != 2:
         raise ValueError(f"resolution: expected an integer or (rows, columns), got {value!r}")
     rows, columns = (check.count("resolution", side) for side in pair)

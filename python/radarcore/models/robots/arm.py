@@ -160,8 +160,8 @@ class RobotArm:
             ``"ur3"``, ``"ur5"``, ``"ur10"``, ``"panda"``, ``"kinova"``, ``"xarm7"``, ``"so100"``, ``"so101"``: all of
             `radarcore.models.robots.arm_names`.
         meshes : "collision", "visual" or None
-            Geometry of the links: the plain one that collisions are found with, or the detailed one of pictures, which
-            has twenty times as many triangles of most arms.
+            Geometry of the links: plain collision meshes, or detailed visual meshes with twenty times the triangles for
+            most arms.
 
         Raises
         ------
@@ -274,7 +274,7 @@ class RobotArm:
         See Also
         --------
         models.JointTrajectory : Joint angles over time.
-        models.cartesian_line : Those of a straight line.
+        models.cartesian_line : Joint angles of a straight line.
         MovingArm.bodies : Its bodies for a scene.
 
         Examples
@@ -296,7 +296,7 @@ class RobotArm:
     def link_poses(self, angles: Matrix, root: Matrix | None = None) -> Matrix:
         """Maps of all links to the root's surroundings, (..., num_links, 4, 4), in the order of `links`.
 
-        Neither `angles` (..., num_joints) nor `root` (..., 4, 4), default: identity, are checked. With `root`
+        Angles (..., num_joints) and root (..., 4, 4), default: identity, are not checked. With `root`
         (..., 3, 4) the maps lack their last row as well.
         """
         return self._along_the_tree(self._local(angles), np.eye(4) if root is None else root)
@@ -421,7 +421,7 @@ class MovingArm(Links):
         Parameters
         ----------
         material : Material, optional
-            Material of all links; default: that of `Body`, metal.
+            Material of all links; default: metal, as in `Body`.
         name : str, optional
             Prefix of the names; default: the arm's name.
 
@@ -471,7 +471,7 @@ class MovingArm(Links):
         return self._at_each(self.joint_motion.rates, times)
 
     def _at_each(self, function: Callable[[float], Matrix] | Callable[[ArrayLike], Matrix], times: Matrix) -> Matrix:
-        """Angles or rates of the joint motion, (n, num_joints); those of the user time by time."""
+        """Angles or rates of the joint motion, (n, num_joints); functions of the user are called time by time."""
         if isinstance(self.joint_motion, JointTrajectory):
             return cast(Callable[[ArrayLike], Matrix], function)(times)
         values = np.empty((len(times), len(self.arm.joint_names)))
@@ -494,7 +494,7 @@ class _JointFunction:
 
 
 def _from_the_root(joints: tuple[Joint, ...], links: Mapping[str, Mesh | None]) -> list[Joint]:
-    """The joints, every one after that of its parent; a ValueError when they are no tree."""
+    """The joints, each after its parent's; a ValueError unless they form a tree."""
     names = [joint.name for joint in joints]
     for joint in joints:
         for role, link in (("parent", joint.parent), ("child", joint.child)):

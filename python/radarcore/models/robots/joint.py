@@ -130,8 +130,8 @@ class JointTrajectory:
         Before the first and after the last time the joints rest there, go on at the rates that they have there, or
         raise a ValueError. Default: they rest. With ``ends="rest"`` the rates at the ends are zero.
     ends : "rest" or "moving"
-        At the first and the last time the joints are at rest; or they move there as the values say, which are a part
-        of a longer motion: those of a measurement. The second derivative is zero then.
+        At the first and the last time the joints are at rest; or they move there, as in a part of a longer, measured
+        motion. The second derivative is zero then.
 
     See Also
     --------

@@ -67,8 +67,8 @@ def cartesian_line(
     Returns
     -------
     JointTrajectory
-        Between its knots, at most 20 ms apart, the link is within 1e-6 m of its place on the line and within 1e-6 rad
-        of its orientation (checked three times in every interval).
+        Between its knots, with at most 20 ms between them, the link is within 1e-6 m of its place on the line and
+        within 1e-6 rad of its orientation (checked three times in every interval).
 
     Raises
     ------
@@ -78,7 +78,7 @@ def cartesian_line(
 
     See Also
     --------
-    models.JointTrajectory : What it returns.
+    models.JointTrajectory : The result.
     RobotArm.moving : Takes it.
 
     Examples
