@@ -283,21 +283,14 @@ class Search:
         """True for cells with noise and with training cells, (row, column from `first` on)."""
         return self.scale > 0.0
 
-    @cached_property
-    def _near(self) -> NDArray[np.intp]:
-        """Searched columns within reach of each, mirrored at both ends, (column, 2 reach + 1)."""
-        reach, far = self.guards[1] + self.trainings[1], self.last - self.first - 1
-        columns = np.arange(far + 1)[:, None] + np.arange(-reach, reach + 1)
-        return np.asarray(far - np.abs(columns % max(2 * far, 1) - far))
-
     def thresholds(self, power: NDArray[Any]) -> NDArray[np.float64]:
         """Thresholds of the cells of a map of the searched columns, 0 where none is tested.
 
         The level of the noise at every range is the median of all velocities, then of the ranges near it. Clutter that
         fills all velocities of a range, or most ranges of a profile, belongs to the level there.
         """
-        near = np.partition(power, len(power) // 2, axis=0)[len(power) // 2][self._near]
-        reach = near.shape[1] // 2
+        middle, reach = len(power) // 2, self.guards[1] + self.trainings[1]
+        near = np.partition(power, middle, axis=0)[middle, neighbours(power.shape[1], reach)]
         limited = np.minimum(power, _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach])
         return np.asarray(self.scale * training_sums(limited, self.guards, self.trainings))
 
@@ -305,6 +298,13 @@ class Search:
         """Medians of the training cells of some cells (cell, 2) of such a map."""
         searched = np.ascontiguousarray(power, np.float64), cells - np.array([0, self.first])
         return _core.training_medians(*searched, guards=self.guards, trainings=self.trainings)
+
+
+@lru_cache(maxsize=16)
+def neighbours(length: int, reach: int) -> NDArray[np.intp]:
+    """Indices within `reach` of every cell of an axis, mirrored at both ends, (cell, 2 reach + 1)."""
+    last, cells = length - 1, np.arange(length)[:, None] + np.arange(-reach, reach + 1)
+    return np.asarray(last - np.abs(cells % max(2 * last, 1) - last))
 
 
 @lru_cache(maxsize=16)
