@@ -21,7 +21,7 @@ LOCK = ".radarcore-lock"
 """Name of the lock file of a writer in its folder."""
 
 _LOCK_PLACE = 1 << 30
-"""Byte to lock on Windows, beyond the content, as nobody can read a locked byte."""
+"""Byte to lock on Windows, beyond the content, as a locked byte is unreadable."""
 
 _LONGEST_STEM = 40
 """Characters of a name that the name of its temporary file repeats."""

@@ -360,7 +360,7 @@ class CoppeliaSim:
     Raises
     ------
     CoppeliaSimError
-        When nobody answers within the time-out; all later calls raise it likewise.
+        Without an answer within the time-out; all later calls raise it likewise.
 
     See Also
     --------

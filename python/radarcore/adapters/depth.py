@@ -136,7 +136,7 @@ def unpacked(name: str, data: Any, kind: DTypeLike, rows: int, columns: int, ste
 
 
 def centered(name: str, angle: float, pixels: int, shape: tuple[int, ...]) -> Camera:
-    """Camera with square pixels, so many over its angle [rad], and its axis in the middle."""
+    """Camera with a number of square pixels over its angle [rad], and its axis in the middle."""
     if check.positive(name, angle, "rad") >= np.pi:
         raise ValueError(f"{name}: expected an angle below pi [rad], got {angle!r}; degrees? np.deg2rad")
     focal_length = 0.5 * pixels / np.tan(0.5 * angle)

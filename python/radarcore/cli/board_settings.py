@@ -17,8 +17,8 @@ from radarcore.radar.receiver import Receiver
 from radarcore.units import SPEED_OF_LIGHT, frequency_of, quantity
 
 _MAX_RANGE, _LEAST_RANGE = 10.0, 5.0
-"""Range that a board sees if nobody asks for one [m]: a room; less, but not below the other, where a wide band would
-need more than `_MANY_SAMPLES` for it."""
+"""Default range of a board [m]: a room; less, but not below the other, if a wide band would need more than
+`_MANY_SAMPLES` for it."""
 
 _MANY_SAMPLES = 256
 

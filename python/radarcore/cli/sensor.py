@@ -147,7 +147,7 @@ def _written_at(path: Path) -> int | None:
 
 
 def _waveforms(wanted: Radar, achieved: Radar) -> Iterator[tuple[str, float, float, str]]:
-    """Numbers of the waveform, as asked for and as achieved, with their unit."""
+    """Requested and achieved numbers of the waveform, with their unit."""
     for name, text, scale, unit in (
         ("center_frequency", "centre of the band", 1e-9, "GHz"),
         ("bandwidth", "sampled bandwidth", 1e-6, "MHz"),

@@ -84,7 +84,7 @@ class Uniform(_Interval):
 class Normal:
     """Numbers of a normal distribution, cut at `min` and `max`: nothing piles up there.
 
-    With a `step` they are rounded to the mean plus or minus so many steps.
+    With a `step` they are rounded to the mean plus or minus whole steps.
     """
 
     mean: float

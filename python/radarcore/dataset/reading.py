@@ -144,7 +144,7 @@ class Dataset:
         See Also
         --------
         dataset.Frames : The result.
-        dataset.stream : Frames that are simulated when they are asked for.
+        dataset.stream : Frames that are simulated on access.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Frames for training: a sequence of arrays with their labels, stored in a dataset or simulated when asked for."""
+"""Frames for training: a sequence of arrays with their labels, stored in a dataset or simulated on access."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _ImpossibleError(ValueError):
 class Frames:
     """Frames of samples with their labels: a sequence for training.
 
-    `Dataset.frames` reads them from a dataset, `stream` simulates them when they are asked for. An item is a pair of an
+    `Dataset.frames` reads them from a dataset, `stream` simulates them on access. An item is a pair of an
     array and a dictionary of labels: sample, frame, time, the drawn values by the paths of the parameters, and the
     labels of the bodies. ``torch.utils.data.DataLoader`` takes it as it is, shuffled and with workers.
 
@@ -140,7 +140,7 @@ def stream(
     count: int | None = None,
     output: str | Output = "cube",
 ) -> Frames:
-    """Frames of a varied scene for training, simulated when they are asked for; nothing is stored.
+    """Frames of a varied scene for training, simulated on access; nothing is stored.
 
     Parameters
     ----------

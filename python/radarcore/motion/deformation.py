@@ -113,7 +113,7 @@ class DeformationFunction:
 
 
 def as_deformation(deformation: object, num_vertices: int) -> Deformation | DeformationFunction:
-    """The deformation of a mesh with so many vertices, a function wrapped, or an error."""
+    """The deformation of a mesh with a number of vertices, with functions wrapped, or an error."""
     if isinstance(deformation, Deformation):
         if deformation.num_vertices != num_vertices:
             raise ValueError(

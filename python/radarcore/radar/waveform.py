@@ -16,7 +16,7 @@ from radarcore.records import Twinned, sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
-"""Largest number of samples or chirps of a frame: axes of so many still fit into memory."""
+"""Largest number of samples or chirps of a frame: axes of this length still fit into memory."""
 
 _WIDEST_BAND = 0.3
 """Sampled bandwidth over centre frequency: implausible above this ratio."""

@@ -81,7 +81,7 @@ _WITHOUT_NAMES = {
     4: ("frame", "channel", "chirp", "sample"),
     5: ("frame", "channel", "chirp", "sample", "iq"),
 }
-"""Axes of arrays that nobody named."""
+"""Default axes of arrays."""
 
 
 def parsed_axes(shape: str | Sequence[str]) -> tuple[str, ...]:

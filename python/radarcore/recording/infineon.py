@@ -103,7 +103,7 @@ def is_recording(path: Path) -> bool:
 
 
 def opened(path: Path) -> Stored:
-    """Samples, radar and texts of a folder; codes become samples, `Converted`, when they are asked for.
+    """Samples, radar and texts of a folder; codes become samples, `Converted`, on access.
 
     Warns of frames that its writer did not finish.
     """

@@ -7,7 +7,7 @@
 - ``lost.npy`` (frame,), frames lost just before each, where they were counted.
 
 A frame is written behind the others, file by file, and the counts in the headers are put right at the end. A
-process killed on the way leaves the frames it had finished: whoever reads takes the whole frames that all files
+process killed on the way leaves its finished frames: a reader takes the whole frames that all files
 have in common.
 """
 

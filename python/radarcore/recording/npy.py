@@ -135,7 +135,7 @@ class Rows(Protocol):
 
 
 class Converted:
-    """Array on disk whose rows become samples when they are asked for.
+    """Array on disk whose rows become samples on access.
 
     Parameters
     ----------

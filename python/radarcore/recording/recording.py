@@ -94,7 +94,7 @@ class Recording(Stored):
         Origin of the frames: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
         sqrt(W); "full scale" for samples of an ADC.
     lost : (frame,) array_like, optional
-        Number of frames lost just before each; None if nobody counted. Frames have it in
+        Number of frames lost just before each; None if not counted. Frames have it in
         ``stats["lost_before"]``.
 
     See Also
@@ -433,7 +433,7 @@ def facts_of_frames(recording: Recording) -> dict[str, Any]:
 
 
 def _stored_at(path: Path, mmap: bool, description: Description) -> Stored:
-    """Content of a recording on disk, unchecked; its cube may be one that is converted when it is asked for."""
+    """Content of a recording on disk, unchecked; its cube may be converted on access."""
     if bare.is_bare(path, description):
         return bare.opened(path, description)
     description.refuse(path, "no bare file")

@@ -141,7 +141,7 @@ class Sensor:
         Parameters
         ----------
         num_frames : int, optional
-            End after so many; default: never.
+            Number of frames; default: no end.
         timeout : float, optional
             Longest time without a frame [s]; default: one frame interval and 2 s. A virtual board that takes longer to
             simulate a frame needs more.
@@ -487,7 +487,7 @@ class _Reader:
         """Message for waiting readers; empty for none."""
 
     def start(self) -> None:
-        """Begin to take frames, once somebody can end it."""
+        """Begin to take frames, once a caller can end it."""
         start_new_thread(self._read, ())
 
     def take(self, timeout: float) -> RawFrame | None:
@@ -519,7 +519,7 @@ class _Reader:
                 self._over.get(timeout=_POLL)
 
     def _tell(self) -> None:
-        """Wake whoever waits for news, unless news wait already."""
+        """Wake readers that wait for news, unless news wait already."""
         if self._news.empty():
             self._news.put(None)
 
@@ -538,7 +538,7 @@ class _Reader:
                     with self._lock:
                         self._put(frame)
                     self._tell()
-        except Exception as error:  # for whoever takes frames
+        except Exception as error:  # for readers of frames
             with self._lock:
                 self._failure = error
         finally:

@@ -134,7 +134,7 @@ def _temperature(board: Board) -> Iterator[Check]:
         yield judged("temperature", None, "the board has no sensor", "")
         return
     first = board.temperature()
-    time.sleep(0.15)  # a temperature is not asked for more often
+    time.sleep(0.15)  # the interval between temperature requests
     second = board.temperature()
     low, high = _TEMPERATURES
     is_good = low <= min(first, second) and max(first, second) <= high and abs(second - first) <= _TEMPERATURE_STEP

@@ -16,7 +16,7 @@ Ask = Callable[[Callable[[], Any]], Any]
 """Runs a function in the thread that takes the results, and returns its result."""
 
 _AHEAD = 2
-"""Items per worker whose results may wait for those before them: items that take longer leave nobody idle."""
+"""Items per worker whose results may wait for those before them: slow items leave no worker idle."""
 
 
 def directly(function: Callable[[], Any]) -> Any:
@@ -41,7 +41,7 @@ def in_order(
     workers : list
         Each works on one item at a time, the next that is there.
     stop : function of a worker
-        Ends its work early when nobody wants the results any more: after an error, or Ctrl-C.
+        Ends its work early when the results are no longer needed: after an error, or Ctrl-C.
     """
     if len(workers) == 1:
         for item in items:

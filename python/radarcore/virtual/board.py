@@ -16,7 +16,7 @@ from radarcore.simulate.simulator import Simulator
 from radarcore.virtual.source import RECEIVERS, Simulated
 
 _KEEPS_UP = 0.95
-"""Part of the speed that was asked for below which a scene is slow."""
+"""Share of the requested speed below which a scene is slow."""
 
 
 def virtual_board(
@@ -113,7 +113,7 @@ class VirtualBoard(CdcBoard):
         return self.controller.chip.num_lost
 
     def news(self) -> list[str]:
-        """News for whoever runs the board: registers that give no frames, once; every ten seconds of a slow scene."""
+        """News for the user of the board: registers that give no frames, once; every ten seconds of a slow scene."""
         chip, news = self.controller.chip, []
         if chip.failure is not None and str(chip.failure) not in self._reported:
             self._reported.add(str(chip.failure))

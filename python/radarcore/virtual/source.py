@@ -103,7 +103,7 @@ class Simulated:
         return codes_of(volt * (MIDDLE / FULL_SCALE_VOLT))
 
     def close(self) -> None:
-        """End simulating; whoever waits for a frame gets a RuntimeError instead, at once. May be called twice."""
+        """End simulating; waiting readers get a RuntimeError at once. May be called twice."""
         self._worker.close()
 
     def _taken(self, radar: Radar, index: int, time: float) -> NDArray[np.float64]:
@@ -217,6 +217,6 @@ def _work(jobs: SimpleQueue[_Job[Result] | None]) -> None:
             continue
         try:
             future.set_result(work())
-        except BaseException as error:  # for whoever asks for the result
+        except BaseException as error:  # for the caller of the result
             future.set_exception(error)
         del job, future, work  # nothing is kept while there is nothing to do

@@ -528,7 +528,7 @@ def frames(
         duration = check.positive("duration", duration, "s")
 
     def advance(to: float, *, every: int = 0, exactly: bool = True) -> None:
-        """Step until a time [s]; take poses after the last step, and after so many."""
+        """Step until a time [s]; take poses after the last step, and after every `every` steps."""
         count = 0
         while (left := to - data.time) > _ROUNDING:
             if control is not None:

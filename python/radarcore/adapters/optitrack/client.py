@@ -558,7 +558,7 @@ class MotionCaptureClient:
                     return packet
                 if got == Kind.MODEL and self._info is not None:
                     self._model = decode_model(packet, self._info.version)
-            except ConnectionError:  # Windows: nobody listens at the port that was asked
+            except ConnectionError:  # Windows: no program listens at the requested port
                 continue
             except NatNetError as error:
                 self._damage = error

@@ -143,7 +143,7 @@ class NatNetFrame:
     exposure_ticks, received_ticks, transmitted_ticks : int
         Middle of the cameras' exposure, arrival of their data, departure of the frame, by the server's clock.
     is_recording, is_model_changed : bool
-        `is_model_changed`: names are to be asked for again.
+        `is_model_changed`: request the names again.
 
     See Also
     --------

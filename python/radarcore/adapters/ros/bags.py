@@ -152,7 +152,7 @@ class BagMessage:
 class BagReader:
     """A ROS bag: its topics, and its messages in the order of their times.
 
-    Messages are read as they are asked for, so bags may be larger than memory. An MCAP file that is cut, because its
+    Messages are read on access, so bags may be larger than memory. An MCAP file that is cut, because its
     recorder was killed or its copy is not complete, is read up to the chunk with the cut, with one warning. Cut files
     of the other formats raise an error with the command that mends them.
 

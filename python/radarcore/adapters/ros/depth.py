@@ -162,7 +162,7 @@ _LAST = 1e-6
 
 
 class DepthImages:
-    """Depth images of a bag, decoded as they are asked for.
+    """Depth images of a bag, decoded on access.
 
     Parameters
     ----------

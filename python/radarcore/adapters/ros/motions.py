@@ -284,7 +284,7 @@ class BagMotions:
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """First and last time that all motions and joints asked for so far have in common [s]; None if none moves.
+        """First and last common time of all requested motions and joints [s]; None if none moves.
 
         Raises
         ------

@@ -61,8 +61,8 @@ class LiveView:
     the strongest velocity of every range; missing columns are grey. A radar of one or two chirps, or of unevenly spaced
     ones, tells no velocities: its newest frame is shown as power over range.
 
-    Detections are the strongest of `detect` (ordered statistic, two range bins away from the radar, where it hears
-    itself) that are at least `threshold_db` over the noise around them and at most 25 dB below the strongest.
+    Detections are the strongest of `detect`, beyond the leakage in the first two range bins, at least `threshold_db`
+    over the surrounding noise and at most 25 dB below the strongest.
 
     Parameters
     ----------
@@ -460,7 +460,7 @@ def _write(
     say: Callable[[str], None],
     overwrite: bool,
 ) -> int:
-    """A picture of every so many seconds, and one of the last frame however the frames end."""
+    """A picture at regular intervals, and one of the last frame, with any end of the frames."""
     if not overwrite and (taken := next(directory.glob("view-*.png"), None)) is not None:
         raise already_exists(taken, "a picture of an earlier view; overwrite=True replaces it")
     live: LiveView | None = None
@@ -496,7 +496,7 @@ def _new_window(title: str) -> Figure | None:
         from matplotlib import pyplot as plt
 
         figure = plt.figure(figsize=SIZE, dpi=100)
-    except ImportError:  # a backend was asked for by name that does not work here
+    except ImportError:  # a backend requested by name does not work here
         return None
     if figure.canvas.required_interactive_framework is None or figure.canvas.manager is None:
         plt.close(figure)

@@ -67,7 +67,7 @@ class Capture:
     turns : tuple of int
         Index of the transmitter of every chirp of a round, in the order of time.
     files : tuple of Path
-        Files that the configuration names; none: the file that was asked for.
+        Files that the configuration names; none: the requested file.
     facts : dict
         What a recording's ``source["capture"]`` says besides.
     range_bias : float

@@ -165,5 +165,5 @@ def _profile(rf: _Table, number: int, where: str) -> Profile:
 
 
 def _beside(path: Path, name: str) -> Path:
-    """File beside another; of what is the path on somebody's Windows, the last part."""
+    """File beside another; of a Windows path the last part."""
     return path.with_name(PureWindowsPath(name).name or "?")

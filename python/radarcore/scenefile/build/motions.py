@@ -39,7 +39,7 @@ class Recorded(Protocol):
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """First and last time that all motions asked for have in common [s]; None if none moves."""
+        """First and last common time of all requested motions [s]; None if none moves."""
         ...
 
     def motion(

@@ -429,7 +429,7 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
 
 
 def _sadc_speed(sampling: int) -> int:
-    """Averaging time of the sensor's ADC that fits into so many cycles of sampling."""
+    """Averaging time of the sensor's ADC that fits into a number of cycles of sampling."""
     for least, oversampling, spread in (
         (5760, 3, 1),
         (3712, 3, 0),

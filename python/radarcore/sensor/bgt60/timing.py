@@ -120,7 +120,7 @@ def delay_of(rest: float) -> Delay:
 
 
 def rest_of(name: str, time: float, cycles: int, why: str) -> float:
-    """Remainder of a time after so many cycles [s], in the float32 of the host."""
+    """Remainder of a time after a number of cycles [s], in the float32 of the host."""
     least, most = cycles / CLOCK, (cycles + _LONGEST_DELAY) / CLOCK
     if time < least * (1.0 - _TIME_ROUNDING):
         shortest = text_of(least, "s")
@@ -133,7 +133,7 @@ def rest_of(name: str, time: float, cycles: int, why: str) -> float:
 
 
 def rate_of(divider: int) -> float:
-    """Sample rate of so many cycles per sample, in the whole Hz that the vendor's host reads back."""
+    """Sample rate of a number of cycles per sample, in the whole Hz that the vendor's host reads back."""
     return float((160_000_000 // divider + 1) // 2)
 
 

@@ -359,7 +359,7 @@ class ComLibBoard:
         return wanted
 
     def _measured_rate(self, form: Format) -> float:
-        """Sample rate [Hz] of a board that does not tell it; leaves the board with this format."""
+        """Sample rate [Hz] of a board that does not report it; leaves the board with this format."""
         # Chirps of n and of other samples differ by the time of the samples between them.
         num_samples = form.num_samples
         other = num_samples // 2 if num_samples >= 128 else num_samples + 64
@@ -469,7 +469,7 @@ class ComLibBoard:
     # Conversation
 
     def _probe(self) -> list[Endpoint]:
-        """Endpoints; a second try where the first meets the end of what another program has asked for."""
+        """Endpoints; a second try if the first meets the end of another program's answers."""
         with contextlib.suppress(ProtocolError):
             return self._endpoints()
         try:

@@ -104,7 +104,7 @@ class Chip:
         self.num_lost: int = 0
         """Frames lost by overflows, in all; frames without a waiting host are not counted."""
         self.paces: deque[float] = deque(maxlen=_MOST_PACES)
-        """Rates of the source over `PACE_TIME` [s of the sensor per s of the host], until somebody takes them."""
+        """Rates of the source over `PACE_TIME` [s of the sensor per s of the host], until they are read."""
         self._power_mode = _DEEP_SLEEP
         self._wave = (0, 0.0)  # constant wave: triggers that gave samples, and when the first came
         self._began = time.monotonic()
@@ -317,7 +317,7 @@ class Chip:
             number += 1
         with self._lock:
             if self._run == run and origin is None:
-                self._power_mode = _DEEP_SLEEP  # all frames that were asked for
+                self._power_mode = _DEEP_SLEEP  # all requested frames
 
     def _uptime(self) -> float:
         """Time since power-up [s], not before what has been measured."""

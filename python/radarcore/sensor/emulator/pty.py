@@ -44,7 +44,7 @@ class StreamPeripheral(Protocol):
 class PtyPort:
     """A pty with a board at its other end, from now until `close` or until the board is unplugged.
 
-    Clients may come and go. While there is none, the board is asked for nothing; while one does not read, only until
+    Clients may come and go. Without a client, the board gets no requests; while a client does not read, only until
     the terminal's own buffer is full, and then its requests wait too. Partial requests and unread answers of a client
     are dropped when it leaves (on Linux; elsewhere its end is invisible).
 
@@ -165,7 +165,7 @@ class PtyPort:
             self._has_client.set()
 
     def _send(self) -> None:
-        """Bytes of the board to the client; no more are asked for before there was room for these."""
+        """Bytes of the board to the client; no more are requested before there was room for these."""
         if not self._has_client.wait(_WAIT):
             return
         data = self._peripheral.send(4096, _WAIT)

@@ -275,7 +275,7 @@ class _Frames:
         return each << self.field(reg.PLL1_7 + 8 * shape, 3, 0)
 
     def ramps(self, shape: int, side: int, starts: list[int], frame: int, *, step: int | None = None) -> Ramps | None:
-        """Ramps that start at some cycles of a frame of so many; None without samples, ADC or receivers."""
+        """Ramps that start at some of the cycles of a frame; None without samples, ADC or receivers."""
         channel_set = 7 * shape + 3 * side
         switches, levels, baseband = (self[address + channel_set] for address in (reg.CSU1_0, reg.CSU1_1, reg.CSU1_2))
         rx_mask = levels >> 20 & (1 << NUM_RX) - 1

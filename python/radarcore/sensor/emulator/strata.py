@@ -352,7 +352,7 @@ class CdcBoard:
             self._out += faults.damage(encoded)
 
     def hang_up(self) -> None:
-        """Forget half a request and answers nobody has taken; registers and the measurement stay."""
+        """Drop half a request and unread answers; registers and the measurement stay."""
         self._parser.reset()
         with self.controller.arrived:
             self._out.clear()

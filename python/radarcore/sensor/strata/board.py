@@ -37,7 +37,7 @@ _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO with two wait cycles, needed to read registers."""
 
 _TEMPERATURE_AGE = 0.1
-"""A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
+"""Interval between temperature requests [s]: the duration of a measurement."""
 
 _SADC_TRIES = 1000
 # Idle mode, with clock and supply for the temperature sensor; then the sensor on; then measure.
@@ -94,7 +94,7 @@ class StrataBoard:
         self.info: BoardInfo = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
-        """Ask whether somebody speaks Strata there, and then who."""
+        """Ask whether a board speaks Strata there, and for its identity."""
         asked = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
         try:
             answer = self._link.ask(asked, timeout)

@@ -306,7 +306,7 @@ class Link(Protocol):
 
 
 class StreamLink:
-    """Link over a byte stream, which responses and data packets share; whoever waits for either reads it."""
+    """Link over a byte stream, which responses and data packets share; a reader of either reads it."""
 
     def __init__(self, stream: Stream) -> None:
         self.name: str = stream.name

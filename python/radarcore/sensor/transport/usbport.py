@@ -21,7 +21,7 @@ from radarcore.sensor.errors import (
 from radarcore.sensor.transport.stream import Stalled
 
 UDEV_RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="058b", MODE="0660", TAG+="uaccess"'
-"""Line of a udev rule that opens the boards to whoever sits at the machine (Strata, permissions)."""
+"""Line of a udev rule that opens the boards to the local user (Strata, permissions)."""
 
 _CLASS_COMMUNICATION, _CLASS_DATA, _CLASS_VENDOR = 0x02, 0x0A, 0xFF
 _SET_LINE_CODING, _SET_CONTROL_LINE_STATE = 0x20, 0x22  # USB CDC PSTN, table 13
