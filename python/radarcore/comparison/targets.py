@@ -232,19 +232,20 @@ class Found:
     recording: Recording
     detections: tuple[Detections, ...]
     follow: Callable[..., Tracks]
-    """`track` with the detections and their settings."""
+    """`track` with the settings of the recording."""
     motion: AnyMotion | None = None
     """Of the sensor; None: tracks of people are in the sensor frame."""
 
     @cached_property
     def tracks(self) -> Tracks:
         """Tracks of points."""
-        return self.follow()
+        return self.follow(self.detections)
 
     @cached_property
     def people(self) -> Tracks:
         """Tracks of things as large as people."""
-        return self.follow(targets="people", motion=self.motion)
+        detections = iter(self.detections)
+        return self.follow(self.recording, detector=lambda _: next(detections), targets="people", motion=self.motion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +292,6 @@ def found_in(
     wf = recording.radar.waveform
     follow = partial(
         track,
-        detections,
         smooth=True,
         velocity_ambiguity=2.0 * recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None,
         max_missed=max(1, round(_LONGEST_GAP / usual_interval(recording))),
