@@ -128,7 +128,7 @@ def compare(
     """Compare a recording with another, with the truth, or with both: simulated, measured and true, target by target.
 
     Each recording is detected and tracked on its own. A track is then given to the target whose truth it is nearest to
-    throughout. A thing with parts, such as a person, has one track for the whole run, whose nearest echo is compared
+    throughout. A thing with parts, such as a person, has one track for the whole run, whose nearest point is compared
     with the nearest visible point of all parts.
 
     Parameters

@@ -318,7 +318,7 @@ def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float =
 
     A thing of several parts, such as a person, has one track of `Found.people`, chosen once: the one that is there in
     most of the frames in which the thing is visible, of several such things among those that follow it. The estimates
-    are the range of its nearest echo and its velocity.
+    are the range of its nearest point and its velocity.
 
     Parameters
     ----------

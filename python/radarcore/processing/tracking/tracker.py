@@ -544,12 +544,12 @@ def track(
 ) -> Tracks:
     """Track the targets of a recording.
 
-    Of people in frames, `nearest` is the nearest point of the body, from echoes that the samples tell beside the
-    detections: it takes some 20 ms per person and frame.
-
     An object that gives many detections, such as a person, is clustered first (`cluster`), and the centroids are
     tracked: by a Kalman filter for range and range rate, or by an extended one for positions and velocities where
     detections have angles. Detections are assigned to tracks as global nearest neighbours within their gates.
+
+    If `source` has frames, `nearest` of people is the nearest point of the body. Echoes too weak for the detector count
+    too. This takes 20 ms per person and frame.
 
     Parameters
     ----------
