@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -161,7 +161,7 @@ def separation(
     if not isinstance(robot, Iterable):
         raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
     links = _links(tuple(check.instance("robot", body, Body) for body in robot))
-    outlines = cache(links.outlines)
+    outlines: dict[float, tuple[Array, Array]] = {}
     found = []
     for state in tracks:
         check.instance("tracks", state, TrackState)
@@ -170,7 +170,7 @@ def separation(
         now = state.time if time is None else check.time("time", time)
         if now < state.time:
             raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
-        extents, rates = outlines(now)
+        extents, rates = outlines[now] = outlines.get(now) or links.outlines(now)
         person = _person(state, now, body_radius)
         distance, away = _distances(extents, person.places)
 
