@@ -3,16 +3,16 @@
 PYTHON ?= python3
 VENV = .venv
 BIN = $(VENV)/bin
-# Modules are compiled when they are first imported, as most never are, and kept: some environments (of containers) say
-# not to keep them, and each of the many processes that the checks start would compile numpy and scipy again.
+# Some containers disable the cache of compiled modules. Then each of the many processes of the checks would compile numpy
+# and scipy again.
 unexport PYTHONDONTWRITEBYTECODE
 INSTALL = $(BIN)/python requirements/install.py
 INSTALL_HERE = $(INSTALL) $(BIN)/python
 
-# Its notice, that another builder will follow, is news to nobody after the first time.
+# Hide the notice about the successor of mkdocs.
 MKDOCS = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs
 
-# cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
+# cargo and maturin use the same interpreter, so they share builds.
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 
 WORKERS = $(shell $(PYTHON) -c "import os; print((3 * os.cpu_count() + 1) // 2)")
@@ -25,13 +25,13 @@ KERNELS = numeric:: paths:: scattering:: synthesis::
 OF_LEVELS = $(addprefix tests/boundary/test_core_,extremes.py receive.py threads.py) \
 	$(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
 
-# Older versions of make cannot keep the outputs of two commands apart.
+# Older versions of make cannot separate the outputs of two commands.
 IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
 
 SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 
-# Of the wheels for a release: Linux on both processors, with the C library of most distributions and with Alpine's.
-# Those that rustup has are built, or the ones that are named: make wheels TARGETS=aarch64-unknown-linux-gnu
+# Linux wheels of a release: both processors, glibc and musl (Alpine). Targets known to rustup are built, or the given
+# ones: make wheels TARGETS=aarch64-unknown-linux-gnu
 LINUX = x86_64-unknown-linux-gnu aarch64-unknown-linux-gnu x86_64-unknown-linux-musl aarch64-unknown-linux-musl
 TARGETS = $(filter $(LINUX),$(shell rustup target list --installed))
 
@@ -52,8 +52,8 @@ help:
 demo: $(VENV)/built
 	$(BIN)/radarcore demo --overwrite
 
-# Two checks at a time, quick ones first. A check says its name as it starts; what a command prints follows in one piece
-# when it ends. After a failure no further check starts.
+# Two checks at a time, quick ones first. A check prints its name at its start and its output in one piece at its end.
+# After a failure no further check starts.
 test: checkers
 	@$(MAKE) --no-print-directory --jobs=2 $(IN_PIECES) $(CHECKS)
 
@@ -66,14 +66,13 @@ lint-python: $(VENV)/dev
 	@echo "-- lint: Python"
 	@$(BIN)/ruff check --quiet .
 
-# After the tests, whose build would wait for it. With the boundary to Python, which has all of the core and more, and where
-# alone the lint of dead code is on.
+# After the tests, whose build would wait for it. With the boundary to Python, the only build with the lint of dead code.
 lint-rust: $(VENV)/created | tests-rust
 	@echo "-- lint: Rust"
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
 
-# What a user's checker of types finds of the package, beside that the package is right: every name with its type. The stub
-# of the core is compared with the core without the package around it, all of which would be checked once more.
+# Types of the package, and types seen by a user's checker. The stub of the core is compared with the core without the
+# package around it, which would be checked twice.
 types: $(VENV)/adapters $(VENV)/dataset $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
@@ -82,16 +81,15 @@ types: $(VENV)/adapters $(VENV)/dataset $(VENV)/built
 	MYPYPATH="$$directory" $(BIN)/python -m mypy.stubtest --concise radarcore._core
 	@known=$$(PATH="$(CURDIR)/$(BIN):$$PATH" basedpyright --verifytypes radarcore --ignoreexternal) || { echo "$$known"; exit 1; }
 
-# What traces rays is inside of the core. The rest, benches once and tiny among it, takes a core that is not optimised,
-# which is built in no time.
+# Unit tests trace rays and need an optimised core. The others, tiny benches included, use a quick unoptimised build.
 tests-rust: $(VENV)/created
 	@echo "-- tests and benches once: Rust"
 	@cargo test --quiet --locked --lib
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
 
-# Most kernel tests loop over the levels themselves; the others and the user-level tests run once more at each level
-# that the machine has below its highest, which all other checks use.
+# Most kernel tests loop over the levels themselves. The others and the user-level tests run again at each level below the
+# highest, which all other checks use.
 levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
 	@set -e; levels=$$($(BIN)/python -c "from radarcore import _core; print(*_core.levels()[:-1])"); \
 	for level in $$levels; do \
@@ -100,8 +98,7 @@ levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
 		RADARCORE_SIMD=$$level $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) $(OF_LEVELS); \
 	done
 
-# More workers than cores, as tests of sensors and servers mostly wait. Modules are compiled once before the workers
-# start, as each of them would compile them again.
+# More workers than cores, as tests of sensors and servers mostly wait. Modules are compiled once before the workers start.
 tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
 	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only --quiet >/dev/null 2>&1 || true
@@ -111,14 +108,13 @@ benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"
 	@$(BIN)/python tests/benches_once.py
 
-# After the build for the environment, whose result it packs.
+# Packs the build of the environment.
 wheel: $(VENV)/demo | $(VENV)/built
 	@echo "-- wheel"
 	@rm -f dist/radarcore-*.whl
 	@$(BIN)/maturin build --quiet --release --locked --out dist
 
-# For systems older than this machine: zig links them, and has the C library of each. Without `rustup target add`, there
-# are none but this machine's.
+# For older systems: zig links them with the C library of each. Without `rustup target add` only this machine's.
 wheels: $(VENV)/wheels
 	@rm -f dist/radarcore-*.whl
 	@set -e; for target in $(TARGETS); do \
@@ -165,9 +161,9 @@ clean:
 	rm -f python/radarcore/_core*.so
 	find python tests benches examples docs -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
-# The environment. Each file below stands for one finished step, which is repeated when what it depends on changes.
+# The environment. Each file below marks a finished step, which is repeated when its dependencies change.
 
-# Where there is no uv for the machine, pip installs all.
+# Without uv for the machine, pip installs all.
 $(VENV)/created: requirements/uv.txt | tools
 	@echo "-- environment in $(VENV)"
 	@rm -rf $(VENV)
@@ -220,7 +216,7 @@ $(VENV)/built: $(SOURCES) $(VENV)/demo
 	@PIP_QUIET=1 $(BIN)/maturin develop $$([ ! -x $(BIN)/uv ] || echo --uv) --quiet --release --locked
 	@touch $@
 
-# What only `make test` needs of Rust.
+# Rust tools for `make test` only.
 checkers: tools
 	@{ cargo fmt --version && cargo clippy --version; } >/dev/null 2>&1 || { \
 		echo "rustfmt or clippy is missing: rustup component add rustfmt clippy"; exit 1; }
