@@ -133,3 +133,17 @@ def test_points_have_the_nearest_detection_of_their_cluster() -> None:
 def test_other_targets_are_refused() -> None:
     with pytest.raises(ValueError, match="targets: expected one of 'points', 'people', got 'cars'"):
         Tracker(targets="cars")
+
+
+def test_frame_with_fewer_echoes_than_tracks_is_a_frame_of_the_tracks_that_have_them() -> None:
+    """Three people, and in the last frame one echo, of the person whose track began last."""
+    ways = [walk(x, np.full(20, -0.8), y) for x, y in ((2.0, -0.8), (3.0, 0.0), (4.0, 1.0))]
+    frames = [np.concatenate(echoes) for echoes in zip(*ways, strict=True)]
+    tracker = Tracker(targets="people")
+    for k, echoes in enumerate(frames):
+        states = tracker.update(seen(echoes, k / RATE))
+    last = max(states, key=lambda state: state.id)
+    values = [[*last.position[:2], -0.8, 30.0]]
+    states = tracker.update(seen(np.array(values), len(frames) / RATE))
+    assert [state.is_detected for state in states] == [state.id == last.id for state in states]
+    assert len(states) == 3

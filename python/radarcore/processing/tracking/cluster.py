@@ -286,7 +286,7 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     of_mean[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     by_range = mean[:, 0].argsort(kind="stable")
-    place = np.full(len(labels) + 1, -1)  # the last of a detection without a group
+    place = np.full(int(names.max()) + 2, -1)  # the last of a detection without a group
     place[names[by_range]] = np.arange(len(names))
     snr_db = strongest + 10.0 * np.log10(np.add.reduceat(power, starts))
     means = mean[by_range], of_mean[by_range], spread[by_range]
