@@ -64,8 +64,9 @@ def run(people: list[rc.models.Human], duration: float) -> Iterator[Moment]:
     motion = live.motion(camera="radar")
     scene = rc.Scene([*live.bodies, *(body for person in people for body in person.bodies())])
     simulator = rc.Simulator(scene, radar, radar_motion=motion)
-    tracker = rc.Tracker(motion, targets="people", velocity_ambiguity=2.0 * radar.max_velocity)
     arm = [body for body in live.bodies if body.name == "upper"]
+    known = rc.processing.StaticMap.of(body for body in live.bodies if body not in arm)
+    tracker = rc.Tracker(motion, known, targets="people", velocity_ambiguity=2.0 * radar.max_velocity)
     stop_at, separations = -np.inf, []
 
     def control(data: Any) -> None:
@@ -85,10 +86,13 @@ def run(people: list[rc.models.Human], duration: float) -> Iterator[Moment]:
         yield Moment(frame.time, float(data.qpos[0]), speed, frame.time - stop_at < 1.0, separations)
 
 
-def approach(rng: np.random.Generator) -> rc.models.Human:
-    """Somebody who walks towards the arm from in front or aside."""
+def approach(seed: int) -> rc.models.Human:
+    """Somebody who walks towards the arm from in front or aside; every fourth stands where the arm must not swing."""
+    rng = np.random.default_rng(seed)
     speed, side = rng.uniform(0.5, 1.6), rng.uniform(-1.0, 1.0)
     start = np.array([rng.uniform(3.5, 4.5) - abs(side), 2.0 * side])
+    if seed % 4 == 3:
+        speed, start = 0.0, np.array([rng.uniform(1.2, 1.5), 0.4 * side])
     return rc.models.Human(height=rng.uniform(1.6, 1.9), speed=speed, path=[start, [0.3, 0.0]], phase=rng.uniform())
 
 
@@ -109,7 +113,7 @@ def is_in_view(person: rc.models.Human, moment: Moment) -> bool:
 def main(num_approaches: int, num_minutes: float) -> None:
     counts: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(num_approaches):
-        person = approach(np.random.default_rng(seed))
+        person = approach(seed)
         in_view, distance = True, np.nan
         for moment in run([person], 12.0):
             distance = true_distance(person, moment)
@@ -117,6 +121,8 @@ def main(num_approaches: int, num_minutes: float) -> None:
                 in_view = is_in_view(person, moment)
             if (moment.is_stopping and moment.speed < 0.01) or distance < 0.0:
                 break
+        else:
+            distance = np.nan  # the arm never stopped
         counts[in_view].append(distance)
         print(f"{seed}: {person.speed:.2f} m/s, {'in view' if in_view else 'outside'}, {distance:.2f} m at standstill")
     required = 0.1 + 0.01  # C and Zr: people and robot stand still
