@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 ROOM = np.array([[1.0, -1.9], [4.9, 1.9]])
 """Nearest and farthest x and y of waypoints [m]."""
 
-NUM_SEEDS = 10
-"""Walks of each kind."""
+NUM_ALONE, NUM_TOGETHER = 10, 24
+"""Walks of one person, and of four."""
 
 NEAR, MEETING = 0.45, 1.0
 """People keep the first distance [m], from the cylinder too; pairs within the second one meet."""
@@ -216,12 +216,12 @@ def main() -> None:
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--write", action="store_true", help="write the section of docs/tracking.md")
     options = parser.parse_args()
-    num_seeds, num_alone, num_together = (1, 4, 4) if options.tiny else (NUM_SEEDS, 200, 300)
-    alone = [simulated(seed, 1, num_alone) for seed in range(num_seeds)]
-    together = [simulated(100 + seed, 4, num_together) for seed in range(num_seeds)]
+    num_alone, num_together = (4, 4) if options.tiny else (200, 300)
+    alone = [simulated(seed, 1, num_alone) for seed in range(1 if options.tiny else NUM_ALONE)]
+    together = [simulated(100 + seed, 4, num_together) for seed in range(1 if options.tiny else NUM_TOGETHER)]
     tables = (
         f"One walker, {num_alone} frames:\n\n{walker_table(alone)}\n\n"
-        f"Four people, {num_seeds} walks of {num_together} frames; pairs that come within {MEETING:g} m and part:\n\n"
+        f"Four people, {len(together)} walks of {num_together} frames; pairs that come within {MEETING:g} m and part:\n\n"
         f"{meeting_table(together)}"
     )
     print(tables)
