@@ -219,10 +219,10 @@ def main() -> None:
     num_alone, num_together = (4, 4) if options.tiny else (200, 300)
     alone = [simulated(seed, 1, num_alone) for seed in range(1 if options.tiny else NUM_ALONE)]
     together = [simulated(100 + seed, 4, num_together) for seed in range(1 if options.tiny else NUM_TOGETHER)]
+    pairs = f"{len(together)} walks of {num_together} frames; pairs that come within {MEETING:g} m and part"
     tables = (
         f"One walker, {num_alone} frames:\n\n{walker_table(alone)}\n\n"
-        f"Four people, {len(together)} walks of {num_together} frames; pairs that come within {MEETING:g} m and part:\n\n"
-        f"{meeting_table(together)}"
+        f"Four people, {pairs}:\n\n{meeting_table(together)}"
     )
     print(tables)
     if options.write:

@@ -164,10 +164,8 @@ JUMPS = "the phase jumps from frame to frame: nobody is there, or the frames are
         (lambda: measured(SWAY), r"periodic breathing explains only \d+ % of the movement"),
         (lambda: measured(breath(0.25) + 0.007 * TIME), r"the person moved by 0\.[12]\d m"),
         (lambda: measured(breath(0.25))[:84], r"the recording of 7\.0 s has only 1\.\d breaths"),
-        (
-            lambda: measured(breath(0.4, size=20e-3)),
-            JUMPS,
-        ),
+        (lambda: measured(breath(0.4, size=20e-3)), JUMPS),
+        (lambda: measured(breath(0.12, size=16e-3)), "movements of 16 mm are no breaths: the person sways"),
     ],
 )
 def test_uncertain_breathing_is_nan_with_its_reason(recording: Callable[[], rc.Recording], reason: str) -> None:

@@ -25,6 +25,9 @@ _HEART_HZ = (0.75, 2.5)
 _SHORTEST, _LOWEST_RATE = 5.0, 6.0
 """Shortest recording [s] and lowest frame rate [Hz]."""
 
+_LARGEST_BREATH = 13e-3
+"""Movement of the chest in a breath [m]; at rest, 4 to 12 mm (De Groote et al. 1997)."""
+
 _NUM_BREATHS = 2.0
 """Breaths that a recording needs."""
 
@@ -212,9 +215,12 @@ def vital_signs(recording: Recording, *, min_range: float | None = None, max_ran
         reason = f"periodic breathing explains only {100.0 * share:.0f} % of the movement"
     elif duration * breathing < _NUM_BREATHS:
         reason = f"the recording of {duration:.1f} s has only {duration * breathing:.1f} breaths"
+    else:
+        size = _peak_to_peak(displacement, time, breathing)
+        if size > _LARGEST_BREATH:
+            reason = f"movements of {1e3 * size:.0f} mm are no breaths: the person sways"
     if reason:
         return replace(nothing, breathing_reason=reason, heart_reason="the breathing rate is not known")
-    size = _peak_to_peak(displacement, time, breathing)
     known = replace(nothing, breathing_rate=breathing, breathing_deviation=deviation, amplitude=size)
 
     # Heart.
