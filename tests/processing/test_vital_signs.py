@@ -165,6 +165,7 @@ JUMPS = "the phase jumps from frame to frame: nobody is there, or the frames are
         (lambda: measured(breath(0.25) + 0.007 * TIME), r"the person moved by 0\.[12]\d m"),
         (lambda: measured(breath(0.25))[:84], r"the recording of 7\.0 s has only 1\.\d breaths"),
         (lambda: measured(breath(0.4, size=20e-3)), JUMPS),
+        (lambda: measured(breath(0.09)), r"5\.\d per minute are too slow for breathing: the person sways"),
         (lambda: measured(breath(0.12, size=16e-3)), "movements of 16 mm are no breaths: the person sways"),
     ],
 )

@@ -213,6 +213,8 @@ def vital_signs(recording: Recording, *, min_range: float | None = None, max_ran
         reason = "the phase jumps from frame to frame: nobody is there, or the frames are too few"
     elif share < _LEAST_PERIODIC:
         reason = f"periodic breathing explains only {100.0 * share:.0f} % of the movement"
+    elif breathing < _BREATHING_HZ[0]:
+        reason = f"{60.0 * breathing:.1f} per minute are too slow for breathing: the person sways"
     elif duration * breathing < _NUM_BREATHS:
         reason = f"the recording of {duration:.1f} s has only {duration * breathing:.1f} breaths"
     else:
