@@ -88,13 +88,12 @@ Other samplings miss some of their bounds:
 
 ## Limits of the model
 
-The numbers above are errors of the computation. Physical optics itself differs from a measurement:
+The numbers above are errors of the computation. Physical optics itself differs from a measurement
+([all limits](radar-engineers.md#what-is-not-modelled)):
 
 - **Diffraction**: edges diffract only as the rim of an aperture, and creeping waves are missing. Exact spheres differ
   by about 1 / (2 k a), 1 % at a radius of 4 cm. Thin wires, bodies smaller than a few wavelengths, edges seen along
   their face and shadow sides are not modelled.
-- **Transmission**: surfaces transmit nothing. Walls, clothes, covers and radomes occlude the scene behind them.
-- **Multipath**: all reflections of a path are specular. Diffuse scattering onto another surface is neglected.
 - **Meshes**: facets with a sagitta above 0.1 mm add phase error (`rc.mesh_report`). A collision mesh can be wrong by
   several decibels in single peaks, at any sampling. At grazing incidence facets show even on fine meshes, because their
   polygonal rims return an echo.

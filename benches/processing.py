@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from page import DOCS, machine, table, write_section
+from page import PERFORMANCE, machine, table, write_section
 from radarcore.processing.detection import detect as detection
 from radarcore.processing.detection import map as map_test
 
@@ -38,7 +38,7 @@ STAGES: dict[str, tuple[Any, str]] = {
 """Where the functions of the stages of `rc.detect` are looked up."""
 
 TEXT = """\
-## Speed
+## Detection and tracking
 
 From samples to tracks, `rc.detect(frame)` and `Tracker.update`, with the defaults of both and of `rc.bgt60tr13c()`, on
 one thread ({machine}, shared with others). People walk in front of three walls and a metal cylinder. Processor time
@@ -173,7 +173,7 @@ def main() -> None:
     print("\n\n".join(tables))
     if options.write:
         text = TEXT.format(machine=machine(), rate=RATE, tables="\n\n".join(tables))
-        write_section(DOCS / "tracking.md", "processing", text)
+        write_section(PERFORMANCE, "processing", text)
 
 
 if __name__ == "__main__":
