@@ -15,13 +15,21 @@ WALL = rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([5.0, 0.0, 0.0]), name=
 """In the plane x = 5 m."""
 
 
-def seen(places: list[list[float]], time: float = 0.0, *, speed: float = 0.0, deviation: float = 0.02) -> rc.Detections:
-    """Detections of places (x, y) in the plane, with one range rate [m/s] and one deviation of the azimuth [rad]."""
+TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""About z by a quarter turn."""
+
+
+def seen(
+    places: list[list[float]], time: float = 0.0, *, speed: Array | float = 0.0, deviation: float = 0.02
+) -> rc.Detections:
+    """Detections of places (x, y) in the plane, with range rates [m/s] and one deviation of the azimuth [rad]."""
     x, y = np.array(places, dtype=np.float64).reshape(-1, 2).T
     covariance = np.full((len(x), 4, 4), np.nan)
     covariance[:, :3, :3] = np.diag(np.square([0.02, 0.05, deviation]))
     nothing, level = np.full(len(x), np.nan), np.full(len(x), 30.0)
-    return rc.Detections(np.hypot(x, y), np.full(len(x), speed), np.arctan2(y, x), nothing, level, covariance, time)
+    return rc.Detections(
+        np.hypot(x, y), np.broadcast_to(speed, len(x)), np.arctan2(y, x), nothing, level, covariance, time
+    )
 
 
 def test_points_of_bodies_are_near_all_of_their_surface() -> None:
@@ -128,6 +136,95 @@ def test_person_who_stops_near_a_surface_keeps_the_track(where: float, is_held: 
     assert recorded[0].time[-1] == tracks[-1][0].time
 
 
+def walk(start: float, speed: float, num_frames: int) -> Array:
+    """Places on a line along x at 40 Hz, and the speed (frame, 2)."""
+    return np.array([[start + speed * k / 40, speed] for k in range(num_frames)])
+
+
+def unseen(num_frames: int) -> Array:
+    return np.full((num_frames, 2), np.nan)
+
+
+STOP = np.concatenate([walk(2.0, 1.0, 50), walk(3.25, 0.2, 20)])
+"""Somebody walks to 3.35 m and slows down."""
+NEAR_WALL = StaticMap.of([rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([3.6, 0.0, 0.0]))])
+
+
+def ids_of(*ways: Array) -> list[list[int]]:
+    """Confirmed tracks in each frame of people on lines 0.9 m beside each other."""
+    frames = []
+    for k, row in enumerate(np.stack(ways, axis=1)):
+        x, speed = row.T
+        y = 0.9 * np.arange(len(ways))
+        places = np.stack([x, y], axis=1)[np.isfinite(x)]
+        frames.append(seen(places.tolist(), k / 40, speed=(speed * x / np.hypot(x, y))[np.isfinite(x)]))
+    return [[state.id for state in states] for states in followed(frames, NEAR_WALL)]
+
+
+def test_limbs_of_a_hidden_person_do_not_end_the_track() -> None:
+    assert ids_of(np.concatenate([STOP, unseen(100), walk(3.3, -1.5, 3), unseen(100)]))[-1] == [0]
+
+
+def test_track_ends_when_its_person_has_left_unseen() -> None:
+    ids = ids_of(np.concatenate([STOP, unseen(40), walk(2.65, -1.0, 60)]))
+    assert ids[110] == [0]
+    assert ids[115] == [0, 1]  # 0.9 m away: it might be another one
+    assert ids[-1] == [1]
+    far = ids_of(np.concatenate([STOP, unseen(40), walk(2.2, -1.0, 60)]))
+    assert far[-1] == [0, 1]
+    before = np.concatenate([walk(3.1, 0.0, 30), walk(3.1, -1.0, 100)])  # stands there when the other comes, and leaves
+    two = ids_of(np.concatenate([STOP, unseen(60)]), before)
+    assert two[-1] == [0, 1]
+
+
+def test_held_track_ends_where_it_would_be_seen() -> None:
+    known = StaticMap([[2.0 * np.cos(0.5), 2.0 * np.sin(0.5), 0.0]])
+    wall = [2.0 * np.cos(0.5), 2.0 * np.sin(0.5)]
+    start = [seen([[2.0, 0.0], wall], k / 40) for k in range(20)]
+
+    def ends(num_hiding: int, num_clear: int) -> list[rc.processing.TrackState]:
+        hiding = [seen([wall], (20 + k) / 40) for k in range(num_hiding)]
+        clear = [seen([], (20 + num_hiding + k) / 40) for k in range(num_clear)]
+        return followed([*start, *hiding, *clear], known)[-1]
+
+    (one,) = ends(200, 5)
+    assert not one.is_detected
+    assert one.is_observable
+    assert one.time - one.seen == pytest.approx(5 / 40)
+    assert not ends(200, 11)
+
+
+def test_person_who_walks_out_of_view_along_a_wall_is_not_held() -> None:
+    frames = [seen([[1.0 + k / 40, 0.0]] if k < 90 else [], k / 40, speed=1.0) for k in range(120)]
+    known = StaticMap.of([rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([3.0, 0.4, 0.0], TURNED))])
+    states = followed(frames, known)
+    assert not states[-1]
+    (coasting,) = states[95]
+    assert (coasting.is_observable, coasting.is_detected) == (False, False)
+    (near,) = rc.separation([coasting], [rc.Body(rc.shapes.sphere(0.1))])
+    assert near.age == pytest.approx(6 / 40)  # walks on unseen
+    assert rc.track(frames, static_map=known, targets="people")[0].frame[-1] == 89
+
+
+def test_places_without_elevation_are_at_the_height_of_the_sensor() -> None:
+    floor = rc.Body(rc.shapes.box([9.0, 9.0, 0.1]), motion=rc.Pose([0.0, 0.0, -0.05]))
+    tracker = rc.Tracker(rc.Pose([0.0, 0.0, 1.0]), StaticMap.of([floor]), targets="people")
+    (one,) = [tracker.update(seen([[2.0, 0.0]], k / 10)) for k in range(8)][-1]
+    assert one.is_confirmed
+    assert one.is_observable
+
+
+def test_detection_without_azimuth_is_known_at_the_range_of_a_surface() -> None:
+    nothing = np.full(2, np.nan)
+    found = rc.Detections([5.1, 3.0], [0.0, 0.0], nothing, nothing, [30.0, 30.0])
+    assert StaticMap.of([WALL]).classify(found).tolist() == ["known", "unknown"]
+
+
+def test_bodies_are_where_they_are_at_a_time() -> None:
+    cart = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose(), velocity=[0.5, 0.0, 0.0]))
+    assert StaticMap.of([cart], time=2.0).points.mean(axis=0) == pytest.approx([1.0, 0.0, 0.0], abs=0.01)
+
+
 def test_simulated_person_stands_in_a_room() -> None:
     arm = rc.models.RobotArm.ur10().moving(
         lambda t: np.deg2rad([15.0 * np.sin(1.5 * t), -112.0, 134.6, -22.6, 90.0, 0.0]), base=rc.Pose([0.0, 0.0, 0.7])
@@ -162,3 +259,7 @@ def test_refusals() -> None:
         StaticMap(np.zeros((0, 3)), distance=0.0)
     with pytest.raises(ValueError, match="points"):
         StaticMap([[1.0, 0.0]])
+    with pytest.raises(TypeError, match="bodies: expected an iterable of Body, got Body"):
+        StaticMap.of(WALL)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="static_map: expected detections with azimuths"):
+        rc.Tracker(static_map=known, targets="people").update(rc.Detections([2.0], [0.0], [np.nan], [np.nan], [30.0]))

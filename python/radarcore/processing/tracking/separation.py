@@ -33,7 +33,7 @@ class Separation:
     deviation : float
         Standard deviation of the person's place along the line between these points [m].
     age : float
-        Time since the last detection of the person [s].
+        Time since the last detection of the person [s]; 0 while the track is held near a surface, see `Tracker`.
     required : float
         Protective separation distance [m].
     person_point, robot_point : (2,) float64
@@ -175,8 +175,7 @@ def separation(
         distance, away = _distances(extents, person.places)
 
         # Required distances of all links from all discs.
-        is_hidden = not (state.is_observable or state.is_detected)  # it would be detected as soon as it moved
-        age = max(now - (state.time if is_hidden else state.seen), 0.0)
+        age = max(now - state.seen, 0.0)
         waiting = reaction_time + age
         walking = max(human_speed, person.speed) * (waiting + stopping_time)
         approach = np.maximum(links.extents(rates, away), 0.0)

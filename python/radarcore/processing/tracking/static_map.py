@@ -70,18 +70,22 @@ class StaticMap:
         self._tree = cKDTree(self.points)
 
     @classmethod
-    def of(cls, bodies: Iterable[Body], *, distance: float = 0.3, hidden_distance: float = 0.5) -> StaticMap:
-        """Map of given bodies, which stand where their motions have them at time 0.
+    def of(
+        cls, bodies: Iterable[Body], *, time: float = 0.0, distance: float = 0.3, hidden_distance: float = 0.5
+    ) -> StaticMap:
+        """Map of the surfaces of given bodies, where their motions have them at a time [s].
 
         Examples
         --------
         >>> len(rc.processing.StaticMap.of([rc.Body(rc.shapes.box([1.0, 1.0, 1.0]))]).points)
         1352
         """
-        points = [np.zeros((0, 3))]
+        if not isinstance(bodies, Iterable):
+            raise TypeError(f"bodies: expected an iterable of Body, got {type(bodies).__name__}")
+        points, when = [np.zeros((0, 3))], check.time("time", time)
         for body in bodies:
             check.instance("bodies", body, Body)
-            points.append(body.motion.at(0.0).apply(_surface(body.mesh)))
+            points.append(body.motion.at(when).apply(_surface(body.mesh)))
         return cls(np.concatenate(points), distance=distance, hidden_distance=hidden_distance)
 
     @classmethod
@@ -156,8 +160,10 @@ class StaticMap:
         """True for detections that may be at a known surface, by so many deviations of their angles."""
         known = np.zeros(len(values), dtype=bool)
         places, where = places_of(values, sensor), sensor.pose[:, 3]
-        reaches = self.distance + coverage * values[:, 0] * _angle_deviations(covariance)
-        for index in np.flatnonzero(np.isfinite(places).all(axis=1)):
+        off = np.where(np.isnan(places[:, 0]), 1.0, coverage * _angle_deviations(covariance))
+        reaches = self.distance + off * values[:, 0]
+        places = np.where(np.isnan(places), where, places)  # without an azimuth: anywhere around the sensor
+        for index in np.flatnonzero(np.isfinite(values[:, 0])):
             near = self.points[self._tree.query_ball_point(places[index], reaches[index])]
             ranges = np.linalg.norm(near - where, axis=1)
             known[index] = bool((np.abs(ranges - values[index, 0]) <= self.distance).any())

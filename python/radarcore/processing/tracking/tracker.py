@@ -65,6 +65,9 @@ _OBJECT_HITS = 5, 8
 _SLOW = 0.5
 """Speed of a track that may have stopped since [m/s]."""
 
+_AWAY = 1.0
+"""A track that begins within this distance of a held one and leaves it farther behind is the same person [m]."""
+
 _UPRIGHT = 0.98
 """Least cosine of the tilt of a sensor that tracks in the plane: 11 degrees."""
 
@@ -200,7 +203,9 @@ class Tracker:
         Default: the sensor is at rest, and its frame the world.
     static_map : StaticMap, optional
         Known surfaces in that world, for ``targets="people"``. Static detections elsewhere then begin tracks: of people
-        who stand still, and of unknown objects. A person who stops near a surface keeps a track without detections.
+        who stand still, and of unknown objects. The track of a person who stops near a surface is held at its place
+        without detections, until a track begins within 1 m of it and moves farther away. Without elevations all places
+        are at the height of the sensor: a map of what stands there, or a learnt one, suits such a radar.
     **settings
         Those of `TrackerSettings`.
 
@@ -346,15 +351,29 @@ class Tracker:
         """Tracks whose echoes known surfaces at some ranges may hide; those that stop there are held at their place."""
         if self._map is None or not self._lives:
             return
-        in_world, _ = to_world(self._state, self._covariance, self._sensor.pose, self._sensor.velocity)
-        places, motions = cartesian(in_world)
-        apart = np.abs(np.linalg.norm(self._state[:, : self._state.shape[1] // 2], axis=1)[:, None] - ranges)
+        relative, rates = cartesian(self._state)
+        places = relative @ self._sensor.pose[:, :3].T + self._sensor.pose[:, 3]
+        speeds = np.linalg.norm(rates @ self._sensor.pose[:, :3].T + self._sensor.velocity, axis=1)
+        apart = np.abs(np.linalg.norm(relative, axis=1)[:, None] - ranges)
         is_near = apart.min(axis=1, initial=np.inf) <= self._map.distance  # echoes of one range cell are not resolved
         is_near |= self._map.distances(places) <= self._map.hidden_distance
-        is_slow = np.linalg.norm(motions, axis=1) < _SLOW
-        for life, near, slow in zip(self._lives, is_near.tolist(), is_slow.tolist(), strict=True):
+        for life, near, speed in zip(self._lives, is_near.tolist(), speeds.tolist(), strict=True):
             life.is_observable = not near
-            life.is_held = life.is_confirmed and near and slow and life.missed >= self.settings.max_missed
+            stops = life.is_held or (life.missed > 0 and speed < _SLOW)  # a limb that moves later does not end the hold
+            life.is_held = life.is_confirmed and near and stops
+            if life.is_held:
+                life.missed, life.seen = min(life.missed, 1), self.time
+        self._end_held(places)
+
+    def _end_held(self, places: Array) -> None:
+        """End held tracks of people who left unseen: a track began beside them since, and is elsewhere now."""
+        is_away = np.linalg.norm(places[:, None] - places, axis=2) > _AWAY
+        for life, away in zip(self._lives, is_away.tolist(), strict=True):
+            if life.beside is None:
+                life.beside = [other for other in compress(self._lives, ~np.array(away)) if other.is_held]
+            for other in life.beside if life.is_confirmed else ():
+                if other.is_held and other.missed > 0 and away[self._lives.index(other)]:
+                    other.is_held, other.missed = False, self.settings.max_missed + 1
 
     def _labels(self, values: Array, covariance: Array, expected: Expected) -> Labels:
         """Object of each detection; of people the first objects are the tracks."""
@@ -394,8 +413,9 @@ class Tracker:
         if number is None and len(measured) > 0:
             has_azimuth, has_elevation = (bool(np.isfinite(measured[:, k]).any()) for k in (2, 3))
             number = 1 + has_azimuth * (1 + has_elevation)
-        if self._motion is not None and number == 1:
-            raise ValueError("motion: expected detections with azimuths, which have places in the world, got ranges")
+        if number == 1 and (self._motion is not None or self._map is not None):
+            name = "static_map" if self._motion is None else "motion"
+            raise ValueError(f"{name}: expected detections with azimuths, which have places in the world, got ranges")
         if number == 2 and sensor.pose[2, 2] < _UPRIGHT:
             tilt = np.degrees(np.arccos(max(float(sensor.pose[2, 2]), -1.0)))
             raise ValueError(
@@ -418,7 +438,7 @@ class Tracker:
             if self._motion is not None:  # targets go on in the world
                 known = to_world(*known, self._sensor.pose, self._sensor.velocity)
             state, covariance = predict(*known, *motion)
-            is_held = [life.is_held for life in self._lives]
+            is_held = [life.is_held and life.missed > 0 for life in self._lives]
             if any(is_held):
                 state[is_held, :d], state[is_held, d:] = known[0][is_held, :d], 0.0
                 covariance[is_held] = known[1][is_held]
@@ -492,7 +512,7 @@ def _nearest(values: Array, covariance: Array, objects: Indices, number: int) ->
     return result
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Life:
     """History of a track; of few, numbers are counted faster one by one than in arrays."""
 
@@ -513,7 +533,9 @@ class _Life:
     is_static: bool = False
     is_observable: bool = True
     is_held: bool = False
-    """True for a person who stopped near a known surface and gives no detections."""
+    """True for a person who stopped near a known surface; the place is kept in frames without a detection."""
+    beside: list[_Life] | None = None
+    """Held tracks near the place where it began; None in the first frame."""
 
     def count(self, time: float, nearest: Sequence[float] | None, is_static: bool) -> None:
         """Count a frame in which the target has detections, or None."""
@@ -571,7 +593,7 @@ def track(
     Returns
     -------
     tracks : Tracks
-        Those that were confirmed, each from its first to its last detection.
+        Those that were confirmed, each from its first to its last detection, or to the end of its hold.
 
     Raises
     ------

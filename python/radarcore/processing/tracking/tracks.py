@@ -113,7 +113,7 @@ class TrackState(_Coordinates[float]):
         it has none. `range` is at their centroid. `track` of people in frames: range of the nearest point of the body,
         predicted where it sends no echo.
     seen : float
-        Time of the newest detection of the target [s].
+        Time of the newest detection of the target [s], or of the newest frame that held its place without one.
     sensor_pose : (3, 4) float64
         ``[rotation | position]`` of the sensor at that time, to the world; of a tracker without a motion the identity.
     sensor_velocity : (3,) float64
@@ -162,7 +162,7 @@ class TrackState(_Coordinates[float]):
 
 @dataclass(frozen=True, eq=False)
 class Track(_Coordinates[Array]):
-    """A target from its first to its last detection, one row per frame.
+    """A target from its first detection to its last one or to the end of its hold, one row per frame.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def tracks_of(times: Sequence[float], frames: Sequence[Sequence[TrackState]]) ->
     for number, found in sorted(rows.items()):
         if not found[-1][1].is_confirmed:
             continue
-        last = max(k for k, (_, state) in enumerate(found) if state.is_detected or not state.is_observable)
+        last = max(k for k, (_, state) in enumerate(found) if state.seen == state.time)
         kept = [state for _, state in found[: last + 1]]
         tracks.append(
             Track(
