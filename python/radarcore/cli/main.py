@@ -62,6 +62,7 @@ COMMANDS = (
         "compare recordings with each other and with the truth",
         "out/simulated out/measured --offset auto -o report.html",
     ),
+    _Command(_EVALUATE, "convert", "write a recording in another format", "out/recording out/recording.mcap"),
     _Command(
         _SIMULATE,
         "dataset make",

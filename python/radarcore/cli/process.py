@@ -26,6 +26,7 @@ from radarcore.cli.sources import (
     moving,
     open_recording,
     path_and_topic,
+    start_ns_of,
     subtracts_mean,
     tracker_for,
 )
@@ -231,8 +232,8 @@ class _ResultBag:
     """
 
     def __init__(self, path: Path, reader: AnyReader, with_samples: bool, overwrite: bool, files: ExitStack) -> None:
-        origin, radar = reader.source.get("bag"), reader.radar
-        self._start_ns = int(origin.get("start_ns", 0)) if isinstance(origin, dict) else 0
+        radar = reader.radar
+        self._start_ns = start_ns_of(reader.source)
         self._bag = files.enter_context(BagWriter(path, overwrite=overwrite))
         self._frames: FrameWriter | None = None
         if with_samples:

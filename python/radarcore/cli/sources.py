@@ -79,12 +79,26 @@ def only_radar(bag: BagReader) -> str:
 
 
 def load_recording(source: Path, config: Description = NO_DESCRIPTION) -> Recording:
-    """The recording at a path, or the frames of a bag, ``BAG`` or ``BAG:/TOPIC``."""
+    """The recording at a path, the frames of a bag, ``BAG`` or ``BAG:/TOPIC``, or of a dataset of one sample."""
     path, topic = path_and_topic(source)
     if is_bag(path) and not config.given:
         with BagReader(path) as bag:
             return BagFrames(bag, topic or only_radar(bag)).recording()
+    if (path / "zarr.json").is_file() and not config.given:
+        return _only_sample(path)
     return Recording.load(path, **vars(config))
+
+
+def _only_sample(path: Path) -> Recording:
+    """The recording of the only sample of a dataset."""
+    from radarcore.dataset.reading import open_dataset  # takes longer to load than the rest
+
+    if (count := len(dataset := open_dataset(path))) != 1:
+        raise ValueError(
+            f"{path}: expected a recording, or a dataset of one sample, got {count} samples; radarcore dataset info "
+            "summarises it, Dataset.recording gives one of them"
+        )
+    return dataset.recording(0)
 
 
 @contextmanager
@@ -95,11 +109,17 @@ def open_recording(source: Path, config: Description = NO_DESCRIPTION) -> Iterat
         with BagReader(path) as bag:
             yield BagFrames(bag, topic or only_radar(bag))
     else:
-        yield Recording.load(path, **vars(config))
+        yield load_recording(source, config)
 
 
 def _topics(bag: BagReader) -> str:
     return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
+
+
+def start_ns_of(source: dict[str, Any]) -> int:
+    """Stamp of time 0 of frames whose source is a bag [ns]; else 0."""
+    origin = source.get("bag")
+    return int(origin.get("start_ns", 0)) if isinstance(origin, dict) else 0
 
 
 def subtracts_mean(frames: AnyReader, chosen: bool | None) -> bool:

@@ -21,7 +21,9 @@ from radarcore.dataset.store import STATUS, Shards, file_of, opened, stored_samp
 from radarcore.dataset.training import Frames, Output, output_of
 from radarcore.dataset.variation import Variation
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Frame, Truth, adc_codes, frame_of, to_samples
+from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Frame, Truth, frame_of, to_codes, to_samples
+from radarcore.recording.native import UNITS
+from radarcore.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,37 @@ class Dataset:
             cube, time = arrays["cube"][number], float(arrays["time"][number])
             labels = {"sample": sample, "frame": number, "time": time, **drawn}
             labels |= {name: values[number] for name, values in arrays.items() if name not in others}
-            yield frame_of(cube, time, radar, truth, raw=adc_codes(cube, radar)), labels
+            yield frame_of(cube, time, radar, truth, raw=to_codes(cube) if self.has_codes else None), labels
+
+    def recording(self, index: int) -> Recording:
+        """A sample as a recording in memory, with its truth if the dataset has it: for pictures, processing and files.
+
+        Raises
+        ------
+        ValueError
+            If the sample failed or is missing.
+
+        See Also
+        --------
+        Recording.save : Other formats.
+
+        Examples
+        --------
+        >>> scene = ['radar.preset = "bgt60tr13c"', "run.stop = 0.05", "[[point]]", "name = 'ball'"]
+        >>> np.savetxt("scene.toml", [*scene, "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"], fmt="%s")
+        >>> rc.dataset.make("scene.toml", "out", count=2, seed=1, workers=1).recording(1)
+        <Recording of 2 frames in 0.025 s: 3 channels x 64 chirps x 128 samples, float32, truth of ball>
+        """
+        if self.status[check.index("index", index, len(self))] != STATUS["made"]:
+            raise ValueError(f"index: expected a sample that was made, got {index}, which failed or is missing")
+        arrays, truth = self[index], None
+        if all(f"true_{name}" in arrays for name in TRUTH_FIELDS):
+            truth = Truth(self.body_names, *(arrays[f"true_{name}"] for name in TRUTH_FIELDS))
+        source = json.loads(self.attrs.get("source", "{}"))
+        if (unit := self.attributes("cube")["units"]) != UNITS["cube"]:
+            source.setdefault("cube_unit", unit)
+        lost = arrays.get("lost_before")
+        return Recording(arrays["cube"], arrays["time"], self.radar_of(index), truth, source, lost)
 
     def cube(self, index: int) -> NDArray[Any]:
         """Samples of the frames of a sample, (frame, channel, chirp, fast_time), to the bit as they were simulated."""
@@ -234,6 +266,8 @@ class Dataset:
         The same holds for the files that it names, but models of arms, which have no copies.
         """
         file, text = Path(self.attrs["scene_path"]), self.attrs["scene"]
+        if not text:
+            raise ValueError(f"{self.path}: expected a dataset with a scene file, got one made from a recording")
         digests = json.loads(self.attrs["settings"])["files"]
         try:
             if file.read_text(encoding="utf-8") == text and digests == digests_of(file):
@@ -423,7 +457,8 @@ def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) 
             names = [name for name in ("cube", "time") if not np.isfinite(values[name][k]).all()]
             faults += [f"sample {sample}: expected finite numbers in {name}, got others" for name in names]
     same = []
-    if (made_by := dataset.attrs["radarcore"]) == _core.__version__ and made:
+    made_by, is_simulated = dataset.attrs["radarcore"], bool(dataset.attrs["scene"])
+    if made_by == _core.__version__ and is_simulated and made:
         for k in dict.fromkeys(np.linspace(0, len(made) - 1, min(again, len(made))).astype(int).tolist()):
             if (fault := _fault_of_sample(dataset, made[k])) is None:
                 same.append(made[k])

@@ -171,18 +171,21 @@ class Coordinate:
 
 
 def layout_of(
-    variation: Variation,
+    variation: Variation | None,
     names: tuple[str, ...],
     labels: Labels,
     frames: list[Frame],
     count: int,
     samples_per_shard: int | None,
 ) -> Layout:
-    """Variables and shards of a dataset whose samples have frames like these, and bodies of these names."""
+    """Variables and shards of a dataset whose samples have frames like these, and bodies of these names.
+
+    A recording has no variation.
+    """
     variables = {
         **_frame_variables(frames),
         **_label_variables(frames, names, labels),
-        **_parameter_variables(variation),
+        **({} if variation is None else _parameter_variables(variation)),
         "error": Variable((), (), TEXT, "", {"long_name": "why the sample could not be simulated"}),
         "status": Variable(
             *((), (), "int8", STATUS["missing"]),
@@ -200,28 +203,31 @@ def samples_in_shard(count: int, sample_bytes: int, given: int | None) -> int:
     return max(1, min(_SHARD_BYTES // max(1, sample_bytes), -(-count // _SHARDS), _MAX_SAMPLES))
 
 
-def attributes_of(variation: Variation, layout: Layout, seed: int, labels: Labels, radar: Radar) -> dict[str, Any]:
-    """Attributes of a dataset; a resumed run compares `settings`."""
+def attributes_of(
+    variation: Variation | None, layout: Layout, seed: int, labels: Labels, radar: Radar
+) -> dict[str, Any]:
+    """Attributes of a dataset; a resumed run compares `settings`. The text of the scene is empty for a recording."""
+    parameters = () if variation is None else variation.parameters
     settings = {
-        "scene": variation.path.read_text(encoding="utf-8"),
+        "scene": "" if variation is None else variation.path.read_text(encoding="utf-8"),
         "count": layout.shards.count,
         "seed": seed,
         "labels": asdict(labels),
         "samples_per_shard": layout.shards.size,
-        "files": digests_of(variation.path),
+        "files": {} if variation is None else digests_of(variation.path),
         "radarcore": _core.__version__,
         "zarr": zarr().__version__,
     }
-    if any(parameter.kind == "normal" for parameter in variation.parameters):
+    if any(parameter.kind == "normal" for parameter in parameters):
         settings["scipy"] = scipy.__version__
     return {
         "format": FORMAT,
         "version": VERSION,
-        "scene_path": str(variation.path.absolute()),
+        "scene_path": "" if variation is None else str(variation.path.absolute()),
         **{name: settings[name] for name in ("scene", "count", "seed", "radarcore")},
         "radar": json.dumps(radar.to_dict()),
         # A number, as netCDF has no truth values.
-        "radar_varies": int(any(parameter.path.startswith("radar.") for parameter in variation.parameters)),
+        "radar_varies": int(any(parameter.path.startswith("radar.") for parameter in parameters)),
         "signs": SIGNS,
         "settings": json.dumps(settings),
     }
@@ -347,7 +353,8 @@ def create(path: Path, layout: Layout, coordinates: dict[str, Coordinate], attrs
             # Zarr warns that other libraries may not know consolidated metadata; they read the metadata of each array.
             warnings.filterwarnings("ignore", message="Consolidated metadata")
             zarr().consolidate_metadata(partial)
-        keep(Path(attrs["scene_path"]), partial)
+        if attrs["scene"]:
+            keep(Path(attrs["scene_path"]), partial)
         part.put(partial)
 
 

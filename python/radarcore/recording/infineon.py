@@ -320,6 +320,8 @@ def _settings(radar: Radar, receivers: object) -> dict[str, Any]:
     wf = radar.waveform
     if radar.more_waveforms or radar.schedule is not None:
         raise ValueError("radar: expected one waveform and no schedule, as the layout has, got others")
+    if wf.is_cw:
+        raise ValueError("radar: expected chirps with a sweep, as the layout has, got CW")
     if len(radar.tx) != 1:
         raise ValueError(f"radar: expected one transmitter, as the layout has, got {len(radar.tx)}")
     if not wf.has_uniform_chirps or wf.chirp_times[0] != 0.0:
