@@ -1,7 +1,7 @@
 """Two targets in one cell: whether their channels show it, and the directions of both.
 
 python benches/angles.py         print the tables
-python benches/angles.py --write also write the section of docs/angles.md
+python benches/angles.py --write also write the section of benches/results/angles.md
 python benches/angles.py --tiny  a few cases
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from page import DOCS, table, write_section
+from page import RESULTS, table, write_section
 
 TEXT = """\
 ## Two targets in one cell
@@ -181,14 +181,14 @@ def errors(found: rc.Detections, truth: Array) -> list[float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tiny", action="store_true")
-    parser.add_argument("--write", action="store_true", help="write the section of docs/angles.md")
+    parser.add_argument("--write", action="store_true", help="write the section of benches/results/angles.md")
     options = parser.parse_args()
     num_snapshots, num_frames = (200, 2) if options.tiny else (50_000, 200)
     three, arrays = three_channels_table(num_snapshots), array_table(num_frames)
     print(three, arrays, sep="\n\n")
     if options.write:
         text = TEXT.format(difference=DIFFERENCE_DB, three=three, frames=num_frames, arrays=arrays)
-        write_section(DOCS / "angles.md", "angles", text)
+        write_section(RESULTS / "angles.md", "angles", text)
 
 
 if __name__ == "__main__":
