@@ -85,11 +85,11 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.doppler_velocity(CUBE[:0], WAVEFORM), ValueError, "cube: expected at least one channel, got none"),
     # Radars that a function cannot serve
     *(
-        (lambda function=function: function(CODED), ValueError, "radar: expected transmitters apart, .* kind 'ddm'")
+        (lambda function=function: function(CODED), ValueError, "radar: expected separate transmitters, .* kind 'ddm'")
         for function in (rc.detect, rc.strongest_peak, rc.doppler_velocity, lambda of: rc.remove_static(of, [0.0] * 3))
     ),
     (lambda: rc.detect(CUBES[:2], ONE_EMPTY), ValueError, "radar: expected a multiple of 3 chirps, .* got 32"),
-    (lambda: hypotheses(CODED), ValueError, "radar: expected transmitters apart"),
+    (lambda: hypotheses(CODED), ValueError, "radar: expected separate transmitters"),
     (lambda: hypotheses(rc.Frame(CUBE, 0.0, rc.Radar(CW))), ValueError, "waveform: expected a ramp"),
     (lambda: hypotheses(FRAME, max_velocity=0.0), ValueError, "max_velocity: expected a positive number"),
     *(

@@ -16,11 +16,11 @@ from radarcore.recording.recording import Recording
 
 Kind = TypeVar("Kind", Frame, Recording)
 Samples = ArrayLike | Frame | Recording
-"""A cube, which comes with its radar or waveform, or a frame or recording, which has one."""
+"""A cube, given with its radar or waveform, or a frame or recording, which has its own."""
 
 
 def cube_and_waveform(cube: Samples, waveform: Waveform | Radar | None) -> tuple[ArrayLike, Waveform]:
-    """Samples and the waveform that they have."""
+    """Samples and their waveform."""
     if not isinstance(cube, Frame | Recording) and isinstance(waveform, Waveform):
         return cube, waveform
     samples, radar = cube_and_radar(cube, waveform, name="waveform", kinds="Waveform or Radar")
@@ -30,7 +30,7 @@ def cube_and_waveform(cube: Samples, waveform: Waveform | Radar | None) -> tuple
 def cube_and_radar(
     cube: Samples, radar: object, *, name: str = "radar", kinds: str = "Radar"
 ) -> tuple[ArrayLike, Radar]:
-    """Samples and the radar that they have; `name`, `kinds`: of the argument, for messages."""
+    """Samples and their radar; messages call the argument `name` and its types `kinds`."""
     if isinstance(cube, Frame | Recording):
         if radar is not None:
             raise TypeError(f"{name}: expected none with a {type(cube).__name__}, which has its radar, got {radar!r}")
@@ -44,7 +44,7 @@ def cube_and_radar(
 
 
 def recording_of(name: str, frames: object) -> Recording:
-    """A recording as it is, and a frame as a recording of one; `name`: of the argument, for messages."""
+    """The recording itself, or a frame as a recording of one; messages call the argument `name`."""
     if isinstance(frames, Recording):
         return frames
     if not isinstance(frames, Frame):
@@ -55,7 +55,7 @@ def recording_of(name: str, frames: object) -> Recording:
 
 
 def require_one_frame(name: str, cube: object) -> None:
-    """Refuse recordings with a TypeError."""
+    """Raise TypeError for a recording."""
     if isinstance(cube, Recording):
         raise TypeError(
             f"{name}: expected a Frame or the cube of one, got a Recording; take its frames one by one: "
@@ -64,13 +64,13 @@ def require_one_frame(name: str, cube: object) -> None:
 
 
 def require_transmitters_apart(cube: Samples, radar: Waveform | Radar | None) -> None:
-    """Refuse Doppler-division multiplex with a ValueError: what `radar`, or that of a frame, tells of it."""
+    """Raise ValueError if the radar, or the frame's radar, uses Doppler-division multiplex."""
     of = cube.radar if isinstance(cube, Frame | Recording) else radar
     if isinstance(of, Radar) and has_doppler_division(of):
         raise ValueError(
-            "radar: expected transmitters apart, got a schedule of kind 'ddm', in which every echo appears at one "
-            "velocity per transmitter; `demultiplex` takes the maps of `range_doppler` apart, and `detect` does with "
-            "turns that leave a band empty, as Schedule.ddm(np.arange(num_tx) / (num_tx + 1))"
+            "radar: expected separate transmitters, got a schedule of kind 'ddm', in which every echo appears at one "
+            "velocity per transmitter; `demultiplex` separates them in maps of `range_doppler`, and `detect` does if "
+            "the turns leave a band empty, as Schedule.ddm(np.arange(num_tx) / (num_tx + 1))"
         )
 
 
@@ -84,7 +84,7 @@ def with_samples(frame: Frame, cube: NDArray[Any], radar: Radar, delay: float = 
 @overload
 def with_samples(frame: Recording, cube: NDArray[Any], radar: Radar, delay: float = ...) -> Recording: ...
 def with_samples(frame: Frame | Recording, cube: NDArray[Any], radar: Radar, delay: float = 0.0) -> Frame | Recording:
-    """A frame or recording with filtered samples in the same unit, no codes any more, and times later by a delay."""
+    """The frame or recording with filtered samples in the same unit, without codes, delayed by `delay` [s]."""
     unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
     told = {} if unit is None else {"cube_unit": PARTS_OF_FULL_SCALE if unit == FULL_SCALE else unit}
     if isinstance(frame, Frame):
@@ -93,7 +93,7 @@ def with_samples(frame: Frame | Recording, cube: NDArray[Any], radar: Radar, del
 
 
 def require_one_waveform(radar: Radar) -> None:
-    """Refuse frames of several sub-sequences with a ValueError."""
+    """Raise ValueError for a radar with several sub-sequences per frame."""
     if radar.more_waveforms:
         raise ValueError(
             f"radar: expected one waveform, got {len(radar.waveforms)}; `.sequences()` of a frame, recording or radar "
@@ -119,7 +119,7 @@ def checked_samples(cube: ArrayLike, axes: str, num_dimensions: int | None = Non
 
 
 def transform_length(name: str, value: int | None, minimum_name: str, minimum: int) -> int:
-    """Length of a transform: zero-padding, never cutting."""
+    """Length of a transform; at least the minimum, because transforms pad and never truncate."""
     if value is None:
         return minimum
     if (length := check.count(name, value)) < minimum:
@@ -128,7 +128,7 @@ def transform_length(name: str, value: int | None, minimum_name: str, minimum: i
 
 
 def range_limits(min_range: float | None, max_range: float | None) -> tuple[float, float]:
-    """Both limits of the ranges that count [m]; 0 and infinity without."""
+    """Lower and upper limit of the range [m]; 0 and infinity for None."""
     nearest = 0.0 if min_range is None else check.non_negative("min_range", min_range, "m")
     farthest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
     if farthest < nearest:
@@ -137,7 +137,7 @@ def range_limits(min_range: float | None, max_range: float | None) -> tuple[floa
 
 
 def require_uniform_chirps(waveform: Waveform) -> None:
-    """Refuse chirps at unequal intervals with a ValueError."""
+    """Raise ValueError for chirps at unequal intervals."""
     if not waveform.has_uniform_chirps:
         gaps = np.diff(waveform.chirp_times)
         raise ValueError(

@@ -1,14 +1,14 @@
-"""Echoes of what stands still, taken off frames of a moving radar.
+"""Clutter removal for a moving radar: the filter subtracts echoes of static objects.
 
-Seen from a sensor that moves at v, what stands still in the direction u has the range rate ``-v . u``: clutter lies on
-a known curve of angle and velocity. Over channels k at the positions p and chirps at the times T its phase is, at the
-frequency f of a sample, ``-2 pi f/c (p_k + 2 v T) . u``: a moving sensor is an array along its path (displaced phase
-centres; Klemm, Principles of Space-Time Adaptive Processing, 2002).
+For a sensor with velocity v, a static object in the direction u has the range rate ``-v . u``: clutter lies on a known
+curve of angle and velocity. Its phase in channel k at position p_k, at chirp time T and sample frequency f is
+``-2 pi f/c (p_k + 2 v T) . u``. A moving sensor is thus an array along its path (displaced phase centres; Klemm,
+Principles of Space-Time Adaptive Processing, 2002).
 
-The velocities of clutter within the beam are a band about some centre velocity. Turned by that velocity, its echoes
-are slow functions of the chirps' times, which low polynomials span; as the turn is that of every sample's own
-frequency, the migration of ranges is in it. Of a sensor at rest the polynomial is a constant: the mean over the chirps
-goes.
+Clutter within the beam fills a band of velocities. After rotation by the band's centre velocity, its echoes vary
+slowly over the chirps, so polynomials of low degree span them. The rotation uses the frequency of every sample and
+therefore includes range migration. For a sensor at rest the polynomial is a constant: the filter subtracts the mean
+over the chirps.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from radarcore.units import SPEED_OF_LIGHT
 METHODS = ("doppler", "space-time")
 
 _GRID = 36
-"""Steps of the directions across the field of view, each way."""
+"""Steps of the grid of directions across the field of view, along each axis."""
 
 _WIDE_DEG = 110.0
-"""Horizontal field of view beyond which the vertical angle is seen from the sides too, as `Simulator` has it."""
+"""Above this horizontal field of view the vertical angle also limits directions to the sides, as in `Simulator`."""
 
 _BAND_OF_A_SUBSPACE = 4e-3
-"""Part of the carrier that shares one subspace of channels and polynomials: phases of pi are then right to 40 dB."""
+"""Relative bandwidth that shares one subspace of channels and polynomials: phases of pi then err by -40 dB."""
 
 _TRANSITION = 3.0
-"""Range bins from each end in which real samples hardly tell the sign of frequencies: a bit more than a Hann lobe."""
+"""Range bins at each end where real samples hardly show the sign of a frequency: slightly more than a Hann lobe."""
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -58,44 +58,44 @@ def remove_static(
     field_of_view_deg: tuple[float, float] | None = None,
     suppression_db: float = 50.0,
 ) -> Kind:
-    """Take static echoes off frames of a moving sensor.
+    """Subtract static echoes from frames of a moving sensor.
 
-    With a velocity of 0 the mean over the chirps is taken off every channel and sample. Otherwise a band of velocities
-    is taken off, from the smallest to the largest in the field of view, and some bins about it. A stronger suppression
-    takes more bins. Targets in the band are lost with ``method="doppler"``. Signals that move with the sensor, such as
-    coupling between its antennas, have the velocity 0 and stay unless 0 is in the band.
+    At velocity 0 the filter subtracts the mean over the chirps from every channel and sample. Otherwise it removes a
+    band of velocities, from the smallest to the largest in the field of view, and some bins around it. A stronger
+    suppression removes more bins. Targets in the band are lost with ``method="doppler"``. Signals that move with the
+    sensor, such as coupling between its antennas, have velocity 0 and stay unless 0 is in the band.
 
-    The angular velocity does not matter: the range of no point changes when the sensor turns about the centre of its
-    array, and antennas that are millimetres off that centre gain millimetres per second for each radian per second.
+    The angular velocity has no effect: ranges stay constant when the sensor turns about the centre of its array.
+    Antennas some millimetres from the centre move at only millimetres per second per rad/s.
 
     Parameters
     ----------
     frame : Frame or Recording
-        Of at least two chirps, at any times.
+        At least two chirps, at any times.
     motion : Motion, or (3,) or (frame, 3) array_like
-        Motion of the sensor, as `Simulator` takes it, or live; it is asked for the middle of each frame, and a warning
-        says when a live one is older by more than 0.1 s. Or the velocity of the array's centre over the ground there,
-        along the sensor's own axes [m/s]: one for a recording, or one per frame.
+        Motion of the sensor, as in `Simulator`, or live, evaluated at the middle of each frame. Warns if a live update
+        is more than 0.1 s older. Or the velocity of the array's centre over the ground at that time, along the
+        sensor's axes [m/s]: one per recording or one per frame.
     method : "doppler" or "space-time"
-        The band in every channel, whatever their phases; or, in the band, only echoes from directions that have the
-        velocity. The latter leaves slow targets in other directions. It needs an array that resolves them (with three
-        antennas and a wide beam it leaves little), with phases and positions of channels as the radar has them.
+        "doppler" removes the band in every channel. "space-time" removes only echoes from directions that have the
+        cell's velocity, so slow targets in other directions stay. It needs an array that resolves them, calibrated in
+        phase and position; three antennas with a wide beam leave little.
     field_of_view_deg : (horizontal, vertical), optional
-        Directions of static objects, as `Simulator` has them [degrees]; default: the antennas' beam, down to 20 dB
-        below the largest two-way gain.
+        Directions of static objects, as in `Simulator` [degrees]; default: the antennas' beam, down to 20 dB below the
+        largest two-way gain.
     suppression_db : float
-        By how much an echo at the edge of the band falls at least [dB], if it is a far point at constant velocity.
+        Least attenuation at the edge of the band for a far point at constant velocity [dB].
 
     Returns
     -------
     frame : Frame or Recording
-        With filtered samples in the dtype they had, and no codes.
+        With filtered samples of the same dtype, without codes.
 
     Raises
     ------
     ValueError, TypeError
-        For other shapes, several waveforms, transmitters in Doppler-division multiplex, real samples of a CW radar,
-        which do not tell the sign of a velocity, and where the band takes all that the chirps tell.
+        For other shapes, several waveforms, transmitters in Doppler-division multiplex, real samples of a CW radar
+        (the sign of velocity is unknown), and a band that fills all velocities of the chirps.
 
     See Also
     --------
@@ -172,7 +172,7 @@ def _filtered(
 
 
 class _Band(NamedTuple):
-    """Velocities of clutter, and the functions of slow time that span its echoes."""
+    """Velocity band of clutter, and the functions of slow time that span its echoes."""
 
     centre: float
     """Velocity in the middle of the band [m/s]."""
@@ -181,11 +181,11 @@ class _Band(NamedTuple):
     polynomials: Array
     """Orthonormal over the chirps, (chirp, degree)."""
     time: Array
-    """Of the chirps, from their middle [s], (chirp,)."""
+    """Times of the chirps from their middle [s], (chirp,)."""
 
 
 def _band(waveform: Waveform, directions: Array, velocity: Array, residual: float) -> _Band:
-    """The band of what stands still in some directions (direction, 3)."""
+    """Velocity band of static objects in these directions (direction, 3)."""
     speed = float(np.linalg.norm(velocity))
     rates = -(directions @ velocity)
     lowest, highest = float(rates.min()), float(rates.max())
@@ -194,7 +194,7 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
     frequency = _frequencies(waveform)
     turn = np.exp(4j * np.pi * centre / SPEED_OF_LIGHT * np.outer(time, frequency))
 
-    # As many polynomials as an echo at the edge of the band needs; of a sensor at rest the constant is all.
+    # Add polynomials until they span an echo at the edge of the band. A sensor at rest needs only the constant.
     extent = max(float(np.abs(time).max()), 1e-300)
     edge = 4.0 * np.pi * half / SPEED_OF_LIGHT * float(frequency.max())  # [rad/s]
     num_most = min(waveform.num_chirps - 1, int(1.5 * edge * extent) + 30 if speed > 0.0 else 1)
@@ -208,17 +208,17 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
             return _Band(centre, turn, polynomials[: degree + 1].T, time)
         next_power = time / extent * polynomials[degree]
     raise ValueError(
-        f"frame: expected more than {waveform.num_chirps} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s "
-        f"fills as many, got {waveform.num_chirps}"
+        f"frame: expected more chirps, because clutter from {lowest:+.3g} to {highest:+.3g} m/s fills all velocities, "
+        f"got {waveform.num_chirps}"
     )
 
 
 def _from_clutter(
     projected: Complex, radar: Radar, velocity: Array, directions: Array, band: _Band, residual: float
 ) -> Complex:
-    """The part of (channel, degree, sample) that comes from directions which have the velocity."""
+    """Part of (channel, degree, sample) that arrives from directions with the clutter's velocity."""
     num_channels, num_degrees, num_samples = projected.shape
-    # Where every channel is at the middle of its chirps.
+    # Position of every channel at the middle of its chirps.
     positions = radar.virtual_array + 2.0 * radar.channel_offsets[:, None] * velocity
     along = positions @ directions.T  # (channel, direction)
     errors = 1.0 / radar.channel_corrections[:, None, None]
@@ -239,9 +239,9 @@ def _from_clutter(
 
 
 def _span(gram: Complex, residual: float) -> Complex:
-    """Orthonormal columns (n, k) that span vectors with the sum `gram` of ``v v^H``, up to a residual of their power.
+    """Orthonormal columns (n, k) that span vectors v with the sum `gram` of ``v v^H``, up to a relative residual power.
 
-    A pivoted Cholesky decomposition, which continues with the largest residual on the diagonal.
+    Cholesky decomposition, pivoted by the largest residual on the diagonal.
     """
     left = gram.diagonal().real.copy()
     least = residual * left.sum()
@@ -260,14 +260,14 @@ def _span(gram: Complex, residual: float) -> Complex:
 
 
 def _frequencies(waveform: Waveform) -> Array:
-    """Transmitted frequency at every sample [Hz]: the phase of a delay grows by it, but for a millionth."""
+    """Transmitted frequency at every sample [Hz]: the phase per delay, accurate to a millionth."""
     return waveform.start_frequency + waveform.slope * waveform.sample_times
 
 
 def _analytic(samples: NDArray[Any], waveform: Waveform) -> NDArray[Any]:
-    """I/Q samples whose real part real samples are: without the frequencies of the wrong sign.
+    """Analytic (I/Q) signal of real samples: frequencies of the wrong sign are removed.
 
-    A step from none to all would leave echoes of the wrong sign beside it, from the leakage of every strong one.
+    The weights rise smoothly: with a step, leakage of strong echoes would leave echoes of the wrong sign beside it.
     """
     if np.iscomplexobj(samples):
         return samples
@@ -291,13 +291,13 @@ def _directions(
     vectors = np.stack(np.broadcast_arrays(across, side, up), axis=-1).reshape(-1, 3)
     if view is None:
         inside = is_in_beam(tx_patterns, rx_patterns, vectors)
-        inside[len(vectors) // 2] = True  # the x axis, which the narrowest of beams may alone have
+        inside[len(vectors) // 2] = True  # the x axis: a very narrow beam contains no other direction
         vectors = vectors[inside]
     return check.frozen(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 def _across(angle_deg: float) -> Array:
-    """Angles across a field of view [degrees], 0 among them."""
+    """Angles across a field of view, including 0 [degrees]."""
     return angle_deg * np.linspace(-0.5, 0.5, _GRID + 1) if angle_deg > 0.0 else np.zeros(1)
 
 

@@ -1,4 +1,4 @@
-"""Removal of what stands still: over the chirps of a frame, and over frames."""
+"""Removal of static echoes, over the chirps of a frame and over frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from radarcore.recording.frame import Frame, check_alike, is_of_adc
 from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
-"""Weights of the cancellers by the number of their pulses, oldest first."""
+"""Weights of the cancellers by number of pulses, oldest first."""
 
 
 @overload
@@ -31,28 +31,28 @@ def remove_mean(cube: Kind, *, axis: int = ...) -> Kind: ...
 @overload
 def remove_mean(cube: ArrayLike, *, axis: int = ...) -> NDArray[Any]: ...
 def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Recording:
-    """Take off the mean along an axis: of the chirps of a frame by default, which is what stands still within it.
+    """Subtract the mean along an axis, by default the mean of a frame's chirps: the static echoes.
 
-    A target loses what it has at zero velocity: with the mean of M chirps, one that moves less than a velocity bin
-    fades with it. Noise at zero velocity goes too; `detect` takes that into account.
+    Targets lose their component at zero velocity. Targets slower than a velocity bin fade. The noise at zero velocity
+    is removed too; `detect` takes this into account.
 
     Parameters
     ----------
     cube : (..., chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
         Beat signal.
     axis : int
-        -2: chirps, of one waveform, whose mean is the static echoes; -1: samples, whose mean is the offset of an ADC;
-        -4: frames of a recording, whose mean is what stands still throughout.
+        -2: chirps of one waveform, whose mean is the static echoes; -1: samples, whose mean is the offset of an ADC;
+        -4: frames of a recording, whose mean is the echoes of objects at rest throughout.
 
     Returns
     -------
     moving : array of the shape and dtype of `cube`, or Frame or Recording
-        Of a frame or recording one without codes.
+        A frame or recording has no codes.
 
     Raises
     ------
     ValueError, TypeError
-        For an axis that is not there, chirps of several waveforms, integers and other dtypes.
+        For an axis out of range, chirps of several waveforms, integers and other dtypes.
 
     See Also
     --------
@@ -85,11 +85,10 @@ def cancel_pulses(cube: Kind, *, num_pulses: int = ...) -> Kind: ...
 @overload
 def cancel_pulses(cube: ArrayLike, *, num_pulses: int = ...) -> NDArray[Any]: ...
 def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame | Recording:
-    """Canceller over chirps: differences of neighbours (two pulses), or differences of these (three).
+    """Moving-target indication: differences of neighbouring chirps (two pulses) or second differences (three).
 
-    The classic moving-target indication: a target of Doppler frequency f keeps ``abs(2 sin(pi f T))`` of its
-    amplitude, with T from chirp to chirp, to the power of one less than the number of pulses. What stands still is
-    gone, and so is what moves at a multiple of ``wavelength / (2 T)``.
+    The amplitude gain at the Doppler frequency f is ``abs(2 sin(pi f T)) ** (num_pulses - 1)``, with the chirp interval
+    T. Static echoes vanish, and so do targets at multiples of ``wavelength / (2 T)`` (blind speeds).
 
     Parameters
     ----------
@@ -100,8 +99,8 @@ def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame
     Returns
     -------
     moving : (..., chirp, sample), with ``num_pulses - 1`` chirps fewer, in the dtype of `cube`
-        A waveform with as many chirps less describes it: ``waveform.replace(num_chirps=...)``. A frame or recording
-        has one, without codes, and begins later by the middle of the pulses: its middle, and its truth, stay.
+        A cube is described by ``waveform.replace(num_chirps=...)``. A frame or recording has this waveform and no
+        codes. It begins later by half the duration of the pulses, so that its middle, and its truth, stay.
 
     Raises
     ------
@@ -152,25 +151,25 @@ def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: floa
 def remove_running_mean(
     cube: ArrayLike | Recording | Iterator[Frame], time: ArrayLike | None = None, *, time_constant: float
 ) -> NDArray[Any] | Recording | Iterator[Frame]:
-    """Take off the running mean of the frames so far: what has stood still for longer than `time_constant`.
+    """Subtract the running mean of the frames so far: echoes of objects at rest for longer than `time_constant`.
 
-    The mean of all frames at first, of those of the last `time_constant` later (an exponential decay, by the frames'
-    times). The first frame becomes what moves within it.
+    The mean covers all frames at first, later the last `time_constant` (exponential decay, by the frames' times). In
+    the first frame only motion within the frame remains.
 
     Parameters
     ----------
     cube : (frame, ..., chirp, sample) float32, float64, complex64 or complex128, or Recording, or iterator of Frame
-        Beat signal; a recording or frames of one waveform. Frames are filtered as they come, such as those of
-        ``sensor.frames()``.
+        Beat signal; a recording or frames of one waveform. Frames of an iterator, such as ``sensor.frames()``, are
+        filtered as they arrive.
     time : (frame,) array_like, optional
-        Of every frame of a cube [s], increasing; a recording and frames have their own.
+        Times of a cube's frames [s], increasing; a recording and frames have their own.
     time_constant : float
         [s].
 
     Returns
     -------
     moving : array of the shape and dtype of `cube`, or Recording, or iterator of Frame
-        Of a recording and of frames without codes.
+        A recording and frames have no codes.
 
     Raises
     ------
@@ -191,7 +190,7 @@ def remove_running_mean(
     True
     """
     if isinstance(cube, Recording | Iterator) and time is not None:
-        raise TypeError("time: expected none with frames or a Recording, which have their times")
+        raise TypeError("time: expected none with frames or a Recording, which have their own times")
     if isinstance(cube, Recording):
         require_one_waveform(cube.radar)
         moved = remove_running_mean(cube.cube, cube.time, time_constant=time_constant)
@@ -201,7 +200,7 @@ def remove_running_mean(
     if isinstance(cube, Frame):
         raise TypeError("cube: expected a Recording, frames or a cube of several frames, got one Frame")
     if time is None:
-        raise TypeError("time: expected the times of the frames [s] with a cube that is no Recording, got none")
+        raise TypeError("time: expected the times of the frames [s] with a cube given as an array, got none")
     samples = checked_samples(cube, "(frame, ..., chirp, sample)")
     if samples.ndim < 3:
         raise ValueError(f"cube: expected shape (frame, ..., chirp, sample), got {samples.shape}")
@@ -217,7 +216,7 @@ def remove_running_mean(
 
 
 def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Frame]:
-    """Frames without the running mean of those so far."""
+    """Frames without their running mean, as an iterator."""
     mean: NDArray[Any] = np.zeros(1)
     before: Frame | None = None
     try:
@@ -234,19 +233,19 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
             yield with_samples(frame, frame.cube - mean, frame.radar)
             before = frame
     finally:
-        if isinstance(frames, Generator):  # a sensor ends measuring
+        if isinstance(frames, Generator):  # stops a sensor's measurement
             frames.close()
 
 
 def has_offsets(frame: Frame) -> bool:
-    """True for samples of an ADC, whose offset differs a little from chirp to chirp; a CW radar has nothing but it."""
+    """True for ADC samples, whose offset varies slightly from chirp to chirp; False for CW: the offset is the signal."""
     return is_of_adc(frame) and not frame.radar.waveform.is_cw and frame.radar.waveform.num_samples > 1
 
 
 def without_offset(cube: NDArray[Any]) -> NDArray[Any]:
-    """Samples (..., sample) without the offset of every chirp: without static echoes it is all that is left at 0 m.
+    """Samples (..., sample) without the offset of every chirp: the residual at 0 m once static echoes are removed.
 
-    It is the mean weighted as by the window of the range transform, in which echoes leave next to nothing.
+    The offset is the mean weighted by the window of the range transform, to which echoes contribute almost nothing.
     """
     weights = window_weights("window", "hann", cube.shape[-1])
     return np.asarray(
@@ -257,18 +256,18 @@ def without_offset(cube: NDArray[Any]) -> NDArray[Any]:
 def updated_mean(
     mean: NDArray[Any], frame: NDArray[Any], num_before: int, interval: float, time_constant: float
 ) -> NDArray[Any]:
-    """Running mean of chirps (..., 1, sample) with one frame more.
+    """Running mean of chirps (..., 1, sample), updated with the next frame.
 
     Parameters
     ----------
     mean : (..., 1, sample)
-        Mean of the frames before; not looked at for the first.
+        Mean of the previous frames; ignored for the first.
     frame : (..., chirp, sample)
         Next frame.
     num_before : int
         Frames in the mean.
     interval : float
-        Time since the last of them [s].
+        Time since the last frame in the mean [s].
     time_constant : float
         [s].
     """

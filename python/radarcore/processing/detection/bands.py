@@ -1,4 +1,4 @@
-"""Bands of Doppler-division multiplex: channels of every transmitter, and the velocities that the empty bands tell."""
+"""Bands of Doppler-division multiplex: channels of every transmitter, and true velocities from the empty bands."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class Bands:
     radar: Radar
     """The radar with a channel per pair of antennas."""
     shifts: NDArray[np.intp]
-    """Rows from the true velocity down to the echo of every transmitter, (tx,)."""
+    """Rows from the true velocity down to each transmitter's echo, (tx,)."""
     num_bands: int
 
     def separated(self, cells: NDArray[Any]) -> NDArray[Any]:
-        """Map of every pair of antennas (tx * num_rx + rx, row, column), with its echoes at the true velocity."""
+        """Map of every pair of antennas (tx * num_rx + rx, row, column), with echoes at their true velocity."""
         return np.concatenate([np.roll(cells, shift, axis=1) for shift in self.shifts])
 
     def are_true(self, power: NDArray[np.float64], peaks: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """True for peaks (peak, 2) with the largest power (row, column) of all that are whole bands away.
+        """True for peaks (peak, 2) that exceed the power (row, column) at all distances of whole bands.
 
-        There all transmitters add up. A whole band off, at least one is missing: an empty band is in its place.
+        At the true velocity all transmitters add up. A whole band away, an empty band replaces at least one of them.
         """
         num_rows = len(power)
         others = (peaks[:, :1] + num_rows // self.num_bands * np.arange(1, self.num_bands)) % num_rows
@@ -39,7 +39,7 @@ class Bands:
 
 
 def bands_of(radar: Radar) -> Bands | None:
-    """The bands of a radar; None without Doppler division, a ValueError without empty bands."""
+    """Bands of a radar; None without Doppler division. Raises ValueError without empty bands."""
     if radar.schedule is None or not has_doppler_division(radar):
         return None
     return _bands(radar, radar.schedule)

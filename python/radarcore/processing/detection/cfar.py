@@ -1,4 +1,4 @@
-"""Constant false-alarm rate: cells that stand out of their surroundings."""
+"""Constant false-alarm rate detection (CFAR)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ METHODS = ("ca", "os")
 """Cell averaging, ordered statistic."""
 
 _FEW_CELLS = 4
-"""Guard cells of a main lobe, which may cover a whole map."""
+"""Guard cells of a main lobe: so few may cover a whole map."""
 
 DEFAULT_RANK = 0.75
 """Rank of the ordered statistic, as a part of the training cells (Rohling 1983: three quarters)."""
@@ -34,16 +34,16 @@ def cfar(
     num_looks: int = 1,
     axes: int | Sequence[int] | None = None,
 ) -> NDArray[np.bool_]:
-    """Cells that are above a threshold over the noise around them, at a constant false-alarm rate.
+    """Detect cells above a threshold over the noise around them, at a constant false-alarm rate.
 
-    The training cells are those of the window of ``guard + training`` cells on each side without the inner one of
-    `guard` cells; along two axes both are rectangles. Windows are cut at the edges of the map, and the factor of the
-    threshold is the exact one for the cells that are left: the rate is the same everywhere. A cell without any
-    training cells is not detected.
+    Training cells lie within ``guard + training`` cells on each side but outside of the inner window of `guard` cells.
+    Along two axes both windows are rectangles. Windows are cut at the edges of the map; the threshold factor is exact
+    for the remaining training cells, so the rate is the same everywhere. A cell without training cells is not
+    detected.
 
-    The factors hold for cells that do not depend on each other. Neighbours in a windowed spectrum do: `guard` must
-    then cover the main lobe (2 cells with a Hann window on a grid that is not padded), and training cells that scatter
-    together count for fewer, see `detect`, which takes both into account.
+    The factors assume independent cells. Neighbours in a windowed spectrum are correlated: `guard` must then cover the
+    main lobe (2 cells with a Hann window without padding), and the effective number of training cells is smaller.
+    `detect` takes both into account.
 
     Parameters
     ----------
@@ -54,15 +54,16 @@ def cfar(
     false_alarm_rate : float
         Probability that a cell of noise is detected, between 0 and 1.
     method : "ca" or "os"
-        Threshold over the mean of the training cells, or over the `rank`-th smallest of them. The mean loses less in
-        even noise; the ordered statistic bears other echoes, and edges of clutter, among its cells.
+        Threshold over the mean of the training cells (cell averaging), or over the `rank`-th smallest (ordered
+        statistic). The mean loses less in homogeneous noise. The ordered statistic tolerates other echoes and clutter
+        edges among its cells.
     rank : int, optional
-        From 1 to the number of training cells of a whole window; where it is cut, the rank goes down in proportion.
-        Default: three quarters. For "os" only.
+        For "os": from 1 to the number of training cells of a whole window, reduced in proportion where the window is
+        cut. Default: three quarters.
     num_looks : int
         Independent powers added up in every cell, such as channels: their sum is gamma-distributed.
     axes : int or sequence of int, optional
-        One or two axes of the windows; any others are separate maps. Default: the last two, or the only one.
+        One or two axes of the windows; other axes are separate maps. Default: the last two, or the only one.
 
     Returns
     -------
@@ -78,7 +79,7 @@ def cfar(
     --------
     detect : Detections of a frame, measured.
     processing.noise_level : Noise of a whole map.
-    range_doppler : Spectrum whose power may be tested.
+    range_doppler : Spectrum, as abs(...)**2 an input.
 
     Examples
     --------
@@ -173,9 +174,9 @@ def training_counts(shape: Sequence[int], guards: Sequence[int], trainings: Sequ
 
 
 def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
-    """Refuse guard cells that cover a whole map, (row, column), as nothing would ever be detected.
+    """Raise ValueError if the guard cells cover a whole map, (row, column), because no cell could be detected.
 
-    Few guard cells are allowed: a main lobe may be as wide as a tiny map.
+    Few guard cells may: a main lobe can be as wide as a tiny map.
     """
     if max(guards) > _FEW_CELLS and not counts.any():
         raise ValueError(f"guard: expected fewer cells than the map of {counts.shape} has, got {max(guards)}")
@@ -184,8 +185,8 @@ def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
 def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int]) -> NDArray[Any]:
     """Sums of the training cells, (..., row, column); 0 without any.
 
-    The rows beside the guard cells over all columns of the window, and the rows of the guard cells over the columns
-    beside: nothing is subtracted again, so that an echo in the middle leaves no rounding error in the sum around it.
+    Adds the rows beside the guard cells over all columns, and the rows of the guard cells over the columns beside. A
+    difference of two window sums would keep the rounding error of a strong echo in the middle.
     """
     rows, columns = power.shape[-2:]
     top, left = (g + t for g, t in zip(guards, trainings, strict=True))
@@ -203,7 +204,7 @@ def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequenc
 
 
 def _sum_at(values: NDArray[Any], step: int, nearest: int, farthest: int, reach: int | None = None) -> NDArray[Any]:
-    """Sums of the values `nearest` to `farthest` steps away, of all that have values up to `reach` steps away."""
+    """Sums of the values `nearest` to `farthest` steps away, where values up to `reach` steps away exist."""
     margin = step * (farthest if reach is None else reach)
     number = len(values) - 2 * margin
     if farthest < nearest:
@@ -214,7 +215,7 @@ def _sum_at(values: NDArray[Any], step: int, nearest: int, farthest: int, reach:
 
 
 def _runs(values: NDArray[Any], step: int, length: int) -> NDArray[Any]:
-    """Sums of `length` values a step from each other, from every value on: of two halves, and an odd one."""
+    """Sums of `length` values at intervals of `step`, from every value on, as two half sums and an odd value."""
     if length == 1:
         return values
     half, ahead = _runs(values, step, length // 2), step * (length // 2)
@@ -231,7 +232,7 @@ def exceeds_ordered(
 ) -> NDArray[np.bool_]:
     """True where a cell is above `factors` times the `ranks`-th smallest of its training cells, (..., row, column).
 
-    It is if that many of them are below the cell divided by the factor: counting needs no sorting, and no memory for
+    The test counts training cells below the cell divided by its factor: this needs no sorting and no memory for
     the windows.
     """
     rows, columns = power.shape[-2:]
@@ -253,7 +254,7 @@ def scaled_ranks(counts: NDArray[np.intp], share: float) -> NDArray[np.float64]:
 
 
 def tabulated(counts: NDArray[np.intp], factor: Any) -> NDArray[np.float64]:
-    """A factor per number of training cells, worked out once for each; inf without cells."""
+    """Factor by the number of training cells, computed once per number; inf without cells."""
     numbers, inverse = np.unique(counts, return_inverse=True)
     table = np.array([factor(float(n)) if n > 0 else np.inf for n in numbers])
     return np.asarray(table[inverse].reshape(counts.shape))

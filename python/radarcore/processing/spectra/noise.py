@@ -1,4 +1,4 @@
-"""Level of the noise in a map of powers: from the receiver, where that is known, or from the map itself."""
+"""Noise level of a map of powers, from the receiver if it is known or from the map itself."""
 
 from __future__ import annotations
 
@@ -20,22 +20,21 @@ _LEAST_ROWS, _LEAST_COLUMNS = 8, 16
 """Smallest map whose rows have levels to compare."""
 
 _EMPTY = 0.25
-"""Level of a row, over that which a fifth of the rows exceed, below which its noise was filtered out: of noise alone
-the median of a row is as low in one of a thousand rows with few cells."""
+"""Rows are filtered out below this part of the level that a fifth of the rows exceed. In pure noise one row of a
+thousand with few cells has such a low median."""
 
 ROUNDING = 1e-12
-"""Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
-errs by less."""
+"""Smallest noise of a cell, relative to its power if the cube were a single echo: float32 (24 bits) errs by less."""
 
 LEAST_NOISE = float(np.finfo(np.float32).tiny)
 """Smallest noise of a cell at all."""
 
 
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
-    """Noise power of the cells of a map: their mean, if half of them have no echo.
+    """Mean noise power of the cells of a map, of which at least half must be free of echoes.
 
-    The median over its value for a mean of 1: echoes, as few or as strong as they are, hardly move it. Cells need not
-    be independent.
+    The median, divided by its value for noise of mean 1: a few strong echoes hardly change it. Cells need not be
+    independent.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
 def filtered_rows(power: NDArray[Any]) -> NDArray[np.bool_]:
     """True for rows (velocities) whose noise a filter such as `remove_static` removed, (row,).
 
-    Their median is far below the one that a fifth of all rows exceed. None are True in maps too small to compare rows.
+    Their median is far below the 80th percentile of all medians. Maps too small for this comparison give False.
     """
     if len(power) < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
         return np.zeros(len(power), dtype=bool)
@@ -87,17 +86,17 @@ def median_of_unit_mean(num_looks: int) -> float:
 
 
 def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | None:
-    """Mean power of the receiver's noise in a cell of one channel; None where it is not known.
+    """Mean power of the receiver's noise in a cell of one channel; None if it is unknown.
 
-    White noise of variance s^2 has the power ``s^2 sum(w^2)`` in every cell of a transform with weights w, and a factor
-    ``sum(w^2)`` more for every further axis. It is known of samples in sqrt(W), simulated ones, of a receiver with a
-    noise figure and no other effects.
+    White noise of variance s^2 has the power ``s^2 sum(w^2)`` in every cell of a transform with weights w; each
+    additional axis contributes its factor ``sum(w^2)``. The power is known for simulated samples in sqrt(W) from a
+    receiver with a noise figure and no other effects.
 
     Parameters
     ----------
     frame : Frame or Recording
     weights : (length,) arrays
-        Window over each axis that is transformed.
+        Window over each transformed axis.
     """
     receiver = frame.radar.receiver
     unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
@@ -108,9 +107,9 @@ def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | Non
 
 
 def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
-    """Smallest noise that a cell of the windowed transforms can have: rounding of the samples.
+    """Smallest noise of a cell of the windowed transforms: rounding of the samples.
 
-    Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
+    The reference is a frame with a single echo, whose samples add up coherently.
     """
     gain = prod(float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
     return max(ROUNDING * gain * real_inner(cube, cube), LEAST_NOISE)

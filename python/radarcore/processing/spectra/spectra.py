@@ -1,4 +1,4 @@
-"""Range and Doppler transforms of the beat signal, and channels of transmitters that sent at once."""
+"""Range and Doppler transforms of the beat signal, and separation of transmitters in Doppler-division multiplex."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def range_profile(
     """Transform fast time to range.
 
     Not normalised: a tone of amplitude a in the middle of a bin gives a times the sum of the window (half of it
-    from real samples). Ranges increase from 0; those of a down-chirp too. The phase over slow time is that of
-    the beat signal, so that a receding target has a positive Doppler frequency whatever the sign of the slope.
-    NaN passes through, as in NumPy's transforms.
+    from real samples). Ranges increase from 0, also for a down-chirp. The beat signal's phase over slow time is kept:
+    a receding target has a positive Doppler frequency for either sign of the slope. NaN passes through, as in NumPy's
+    transforms.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def range_profile(
     --------
     range_doppler : Ranges and velocities.
     range_time : Ranges over a recording.
-    plot.range_profile : Picture of it.
+    plot.range_profile : Plots it.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def range_profile(
 
 
 def fast_spectrum(cube: ArrayLike, waveform: Waveform, *, window: Window, num_bins: int | None) -> NDArray[Any]:
-    """`range_profile`, also of a CW radar, whose bins are no ranges."""
+    """`range_profile`, also for a CW radar, whose bins are frequencies."""
     samples = checked_samples(cube, "(..., sample)", num_samples=waveform.num_samples)
     n = transform_length("num_bins", num_bins, "num_samples", waveform.num_samples)
     windowed = samples * window_weights("window", window, waveform.num_samples).astype(samples.real.dtype)
@@ -92,8 +92,8 @@ def range_doppler(
     """Transform fast time to range and slow time to velocity.
 
     Not normalised. Zero velocity is in the middle, receding is positive. NaN passes through, as in NumPy's
-    transforms. Beat frequency and Doppler frequency add, so a moving target lies ``velocity * f / slope`` (f the
-    centre frequency) beyond its range at the middle of the frame; `strongest_peak` takes that off.
+    transforms. Beat frequency and Doppler frequency add. A moving target therefore appears ``velocity * f / slope``
+    (f the centre frequency) behind its range at the middle of the frame; `strongest_peak` corrects this.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def range_doppler(
     range_profile : Ranges alone.
     strongest_peak : The largest, between the bins.
     detect : Targets above the noise.
-    plot.range_doppler_map : Picture of it.
+    plot.range_doppler_map : Plots it.
 
     Examples
     --------
@@ -153,9 +153,9 @@ def range_doppler(
 def both_windows(
     fast: NDArray[np.float64], slow: NDArray[np.float64], num_velocity_bins: int, dtype: np.dtype[Any]
 ) -> NDArray[Any]:
-    """Windows over fast and slow time as `transformed` takes them, (chirp, sample)."""
+    """Product of the windows over fast and slow time for `transformed`, (chirp, sample)."""
     if num_velocity_bins % 2 == 0:
-        # Half a turn more from chirp to chirp puts zero velocity into the middle.
+        # Alternating signs shift zero velocity into the middle.
         slow = slow.copy()
         slow[1::2] *= -1.0
     return (slow[:, None] * fast).astype(dtype)
@@ -181,7 +181,7 @@ def _fast_transform(windowed: NDArray[Any], num_bins: int, waveform: Waveform) -
         # The beat frequency has the sign of the slope: bin k of a down-chirp is the transform at -k.
         transform: NDArray[Any] = ifft(windowed, num_bins, norm="forward") if down else fft(windowed, num_bins)
         return transform
-    # A real signal's transform at -k is the conjugate of that at k.
+    # A real signal's transform at -k is the conjugate of its transform at k.
     half: NDArray[Any] = rfft(windowed, num_bins)
     return half.conj() if down else half
 
@@ -192,7 +192,7 @@ def powers(values: NDArray[Any]) -> NDArray[np.float64]:
 
 
 _WHOLE = 1e-6
-"""Part of a bin by which a shift may miss a whole number of bins."""
+"""Largest deviation of a shift from a whole number of bins [bins]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +215,8 @@ class Demultiplexed:
     ...     rc.bgt60tr13c(num_chirps=16).waveform, tx=[[0, 0, 0], [0, 5e-3, 0]], schedule=rc.Schedule.ddm()
     ... )
     >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), radar).frame()
-    >>> apart = rc.demultiplex(rc.range_doppler(frame), radar)
-    >>> apart.spectrum.shape, apart.velocity.shape
+    >>> separated = rc.demultiplex(rc.range_doppler(frame), radar)
+    >>> separated.spectrum.shape, separated.velocity.shape
     ((2, 8, 128), (8,))
     """
 
@@ -225,17 +225,17 @@ class Demultiplexed:
 
 
 def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
-    """Take the transmitters of a DDM radar apart: the rows around zero velocity of each, as channels of their own.
+    """Separate the transmitters of a DDM radar: each contributes the rows around its zero velocity as channels.
 
-    The rows of transmitter i lie ``turns[i]`` of all rows below the true velocity, see `Schedule.ddm`. Only velocities
-    up to half of the smallest distance between two transmitters are unambiguous, ``max_velocity / num_tx`` of the
-    waveform for evenly spaced ones: faster targets appear at wrong transmitters. The channels are those of the same
-    radar without a schedule, whose `Radar.virtual_array` they have.
+    The echoes of transmitter i lie the fraction ``turns[i]`` of all rows below the true velocity, see `Schedule.ddm`.
+    Velocities are unambiguous up to half of the smallest distance between two transmitters, ``max_velocity / num_tx``
+    of the waveform for evenly spaced ones. Faster targets appear at wrong transmitters. The channels have the order
+    and the `Radar.virtual_array` of the same radar without a schedule.
 
     Parameters
     ----------
     spectrum : (..., rx, doppler, range) complex64 or complex128
-        Of `range_doppler`; transmitters must be a whole number of rows apart: ``num_velocity_bins`` a multiple of
+        From `range_doppler`. Transmitters must have distances of whole rows: ``num_velocity_bins`` is a multiple of
         their number.
     radar : Radar
         With `Schedule.ddm`.
@@ -243,7 +243,7 @@ def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
     Returns
     -------
     demultiplexed : Demultiplexed
-        A Doppler window that is wider than the distance of two transmitters leaks from one into the other.
+        Transmitters leak into each other if the Doppler window is wider than their distance.
 
     Raises
     ------
@@ -252,9 +252,9 @@ def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
 
     See Also
     --------
-    Schedule.ddm : Transmitters that send at once, each with a Doppler code.
-    range_doppler : Spectrum that it takes.
-    range_angle : Angles of a radar whose transmitters are apart.
+    Schedule.ddm : Simultaneous transmitters, each with a Doppler code.
+    range_doppler : Makes the spectrum.
+    range_angle : Angles of a radar with separate transmitters.
 
     Examples
     --------
@@ -277,19 +277,19 @@ def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
     if maps.ndim < 3 or maps.shape[-3] != num_rx:
         raise ValueError(f"spectrum: expected shape (..., rx, doppler, range) with rx = {num_rx}, got {maps.shape}")
 
-    # Rows by which the echoes of every transmitter lie below the true velocity, and the least distance of two.
+    # Rows from the true velocity down to each transmitter's echoes, and the smallest distance of two transmitters.
     num_rows = maps.shape[-2]
     turns = schedule.tx_turns(num_tx) % 1.0
     shifts = np.rint(turns * num_rows).astype(int)
     if np.abs(turns * num_rows - shifts).max() > _WHOLE:
         raise ValueError(
-            f"spectrum: expected transmitters a whole number of doppler bins apart, got {num_rows} bins for turns of "
+            f"spectrum: expected a whole number of doppler bins between transmitters, got {num_rows} bins for turns of "
             f"{turns.tolist()} (num_velocity_bins of range_doppler)"
         )
     ordered = np.sort(shifts)
     width = int(np.diff(ordered, append=ordered[0] + num_rows).min())
 
-    # Around zero velocity of each: whole rows, zero at width // 2 as in velocity axes.
+    # Whole rows around each transmitter's zero velocity, which is at width // 2 as in velocity axes.
     rows = num_rows // 2 - width // 2 + np.arange(width)
     taken = (rows - shifts[:, None]) % num_rows  # (tx, doppler)
     channels = np.moveaxis(maps[..., taken, :], -3, -4)  # (..., tx, rx, doppler, range)

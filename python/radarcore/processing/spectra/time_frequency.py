@@ -1,4 +1,4 @@
-"""Power over a whole recording: of velocities (spectrogram, micro-Doppler) and of ranges."""
+"""Power over a whole recording, by velocity (spectrogram, micro-Doppler) and by range."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ USUAL_LENGTH = 64
 """Frames of a single chirp per column."""
 
 _SAME_INTERVAL = 0.25
-"""Largest delay of a single-chirp frame without a gap, relative to the interval: a lost frame delays the next by one
-interval, the stamps of a host by a tenth."""
+"""Largest delay of a single-chirp frame without a gap, relative to the interval. A lost frame delays the next one by
+an interval, a host's timestamps by a tenth."""
 
 _SEAMLESS = 1e-3
-"""Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the
-phase of the fastest unambiguous target is then right to `pi` times this [rad]."""
+"""Frames have no gap if the next chirp is late by less than this many chirp intervals. The phase of the fastest
+unambiguous target then errs by at most `pi` times this [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,13 @@ class Spectrogram:
     Attributes
     ----------
     time : (column,) float64
-        Middle of every column's window [s]: where a target with constant acceleration has the velocity seen.
+        Middle of every column's window [s]: a target with constant acceleration has the measured velocity then.
     velocity : (velocity,) float64
         Range rate [m/s], increasing, receding positive; NaN for a window of a single chirp.
     power : (column, velocity) float64
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
     noise : float or None
-        Mean of `power` with the receiver's noise alone; None where that is not known.
+        Mean of `power` for the receiver's noise alone; None if unknown.
 
     See Also
     --------
@@ -76,7 +76,7 @@ class RangeTime:
     power : (frame, range) float64
         ``abs(range_profile(...))**2``, mean over chirps and added over channels.
     noise : float or None
-        Mean of `power` with the receiver's noise alone; None where that is not known.
+        Mean of `power` for the receiver's noise alone; None if unknown.
 
     See Also
     --------
@@ -108,32 +108,31 @@ def spectrogram(
     doppler_window: Window = "hann",
     num_velocity_bins: int | None = None,
 ) -> Spectrogram:
-    """Velocities over time: Doppler transforms of a window that slides along the chirps of a recording.
+    """Velocities over time: short-time Doppler transforms along the chirps of a recording.
 
-    The window never spans a gap. Frames are bursts of chirps, mostly with a pause in between: then every frame
-    gives one column, or several with a shorter window. Where the first chirp of a frame comes one chirp interval
-    after the last of the frame before (by `Recording.time`, to a thousandth of the interval) the window runs on
-    across the border and may be longer than a frame. Frames of a single chirp count as chirps at the frame interval: a
-    window spans several of them, up to a missing frame.
+    The window never spans a gap. Frames are bursts of chirps, usually with pauses between them. Then each frame gives
+    one column, or several with a shorter window. Frames are contiguous where the first chirp of one comes a chirp
+    interval after the last of the frame before (by `Recording.time`, to a thousandth of the interval). The window then
+    continues across the border and may be longer than a frame. Frames of a single chirp count as chirps at the frame
+    interval: a window spans several of them, up to a missing frame.
 
     Parameters
     ----------
     recording : Recording or Frame
         Frames with chirps at equal intervals; a frame counts as a recording of one.
     channel : int, optional
-        One channel, negative numbers counting from the end; default: the powers of all, added.
+        One channel, negative numbers count from the end; default: sum of the powers of all.
     window_length : int, optional
         Chirps per column; default: the chirps of a frame, or 64 frames of a single chirp (fewer if the longest run
         without a gap is shorter). Shorter: finer in time, coarser in velocity; velocities of a single chirp are NaN.
     overlap : float
-        Part of the window that the next one shares, from 0 to below 1.
+        Part of the window shared with the next one, from 0 to below 1.
     min_range, max_range : float, optional
         Range gate [m]: the bins of the range profile whose centres lie within; none for a CW radar. Default: all.
     subtract_mean : bool
-        Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
-        function `remove_static` is for one that moves. What stands still throughout goes,
-        however strong; what moves slowly, or rests for a while, stays. Of an ADC's samples the offset of every chirp
-        goes too, which differs a little from the next one's.
+        Subtract from every range bin and channel its mean over the recording, for a radar at rest (`remove_static` is
+        for a moving radar). Objects at rest throughout vanish; slow ones, and objects that rest for a while, stay. The
+        offset of every chirp, which varies slightly, is removed from ADC samples too.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     num_velocity_bins : int, optional
@@ -146,14 +145,14 @@ def spectrogram(
     Raises
     ------
     ValueError, TypeError
-        For numbers out of range, a gate without a bin, a window longer than the chirps without a gap, and chirps
-        at unequal intervals, and frames of several waveforms.
+        For numbers out of range, a gate without a bin, a window longer than the longest run of chirps without a gap,
+        chirps at unequal intervals, and frames of several waveforms.
 
     See Also
     --------
     range_time : Ranges over time.
     range_doppler : Velocities of a frame, with their phases.
-    plot.spectrogram : Picture of it.
+    plot.spectrogram : Plots it.
 
     Examples
     --------
@@ -188,7 +187,7 @@ def spectrogram(
             f"window_length: expected at most {longest}, the most chirps without a gap in this recording, got {length}"
         )
 
-    # Slide the window along each run of chirps: a frame's chirps join what is left of the run before them.
+    # Slide the window along each run of chirps. A frame's chirps are appended to the remainder of the run before.
     to_middle = window_centre(weights) * interval + (
         wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
     )
@@ -228,7 +227,7 @@ def range_time(
     recording : Recording or Frame
         A frame counts as a recording of one.
     channel : int, optional
-        One channel, negative numbers counting from the end; default: the powers of all, added.
+        One channel, negative numbers count from the end; default: sum of the powers of all.
     subtract_mean : bool
         Subtract from every range bin and channel its mean over the recording, as in `spectrogram`.
     window : str, tuple or None
@@ -249,7 +248,7 @@ def range_time(
     --------
     spectrogram : Velocities over time.
     range_profile : Ranges of a frame, with their phases.
-    plot.range_time : Picture of it.
+    plot.range_time : Plots it.
 
     Examples
     --------
@@ -281,7 +280,7 @@ def _channels(recording: Recording, channel: int | None) -> slice:
 
 
 def _num_ranges(recording: Recording, length: int | None = None) -> int:
-    """Bins of a range transform of a length; default: of as many as samples."""
+    """Bins of a range transform of a length; default length: the number of samples."""
     n = recording.radar.waveform.num_samples if length is None else length
     return n if np.iscomplexobj(recording.cube) else n // 2 + 1
 
@@ -294,7 +293,7 @@ def _profiles(
     subtract_mean: bool,
     num_bins: int | None = None,
 ) -> Iterator[NDArray[Any]]:
-    """Range profiles (channel, chirp, range) of one frame after the other: a cube left on disk is not held."""
+    """Range profiles (channel, chirp, range), frame by frame: a cube on disk is not loaded as a whole."""
     wf = recording.radar.waveform
     takes_offset = subtract_mean and len(recording) > 0 and has_offsets(recording[0])
 
@@ -332,7 +331,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     first, last = np.searchsorted(ranges, nearest), np.searchsorted(ranges, farthest, side="right")
     if first == last:
         raise ValueError(
-            f"max_range: expected a gate that holds the centre of a range bin ({wf.range_resolution:g} m apart), "
+            f"max_range: expected a gate that holds the centre of a range bin (one each {wf.range_resolution:g} m), "
             f"got {nearest:g} to {farthest:g} m"
         )
     return slice(int(first), int(last))
@@ -341,7 +340,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
 def _is_seamless(recording: Recording, interval: float, late: float) -> NDArray[np.bool_]:
     """True for every frame that begins when the previous one ends, (frame,); False for the first.
 
-    Chirps follow each `interval` [s]; a frame may be `late`, or early, by a part of it.
+    Chirps follow every `interval` [s]; a frame may be `late`, or early, by this part of an interval.
     """
     gaps = np.diff(recording.time, prepend=np.nan) - recording.radar.waveform.num_chirps * interval
     return np.abs(gaps) <= late * interval

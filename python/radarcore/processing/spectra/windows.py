@@ -17,7 +17,7 @@ Window = str | tuple[Any, ...] | None
 _EXPECTED = "expected a window of scipy.signal.get_window or None"
 
 _COSINES = {"boxcar": (1.0,), "hann": (0.5, 0.5), "hamming": (0.54, 1.0 - 0.54), "blackman": (0.42, 0.5, 0.08)}
-"""Weights of the cosines of which common windows are sums. SciPy has them too, and takes a second to be imported."""
+"""Cosine weights of common windows. SciPy has these windows too, but its import takes a second."""
 
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
@@ -26,10 +26,10 @@ def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64
 
 
 def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """A periodic window shifted by half a sample, (length,), read-only: symmetric about the middle of its samples.
+    """Periodic window shifted by half a sample, (length,), read-only: symmetric about the middle of its samples.
 
-    An accelerating target then has the velocity at the middle of the frame, not half a chirp later. A window of two
-    samples uses only one, as a periodic window does: two samples determine no frequency.
+    An accelerating target then has its velocity at the middle of the frame instead of half a chirp later. A window of
+    two samples uses only one, as a periodic window does: two samples determine no frequency.
     """
     if window is None or length < 3:
         return window_weights(name, window, length)
@@ -42,14 +42,14 @@ def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64
 def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Symmetric window, as over the elements of an array, (length,)."""
     with warnings.catch_warnings():
-        # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
+        # SciPy's warning about high side lobes is for spectra; arrays of few elements accept them for narrow beams.
         warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
         return _weights(name, hashable(name, window), length, periodic=False)
 
 
 @lru_cache(maxsize=64)
 def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
-    """Window that all frames of a stream share."""
+    """Window, cached because all frames of a stream share it."""
     if window is None:
         return check.frozen(np.ones(length))
     if isinstance(window, str) and window in _COSINES and length > 0:
@@ -80,17 +80,18 @@ def window_centre(weights: NDArray[np.float64]) -> float:
 
 
 def independent_share(weights: NDArray[np.float64]) -> float:
-    """Number of independent cells with the scatter of the mean of all cells, over the number of cells (Hann: 0.51).
+    """Effective number of independent cells over the number of cells (Hann: 0.51).
 
-    Noise in neighbouring cells of a windowed transform is correlated (Hann: -2/3 and 1/6 in amplitude). The number is
-    the number of cells over the sum of the squared correlations, by Parseval's theorem.
+    Noise in neighbouring cells of a windowed transform is correlated (Hann: -2/3 and 1/6 in amplitude). The effective
+    number gives the mean of the cells the same variance: the number of cells over the sum of the squared correlations,
+    by Parseval's theorem.
     """
     squares = np.square(weights)
     return float(np.square(squares.sum()) / np.square(squares).sum() / len(weights))
 
 
 def hashable(name: str, window: Window) -> Window:
-    """Window with tuples in place of lists and arrays, for a cache."""
+    """Window with tuples in place of lists and arrays, so that it can be a cache key."""
     if not (window is None or isinstance(window, str | tuple)):
         raise TypeError(f"{name}: {_EXPECTED}, got {window!r}")
     if not isinstance(window, tuple):
