@@ -145,7 +145,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.detect(CUBE[:, :1], rc.Radar(ONE), subtract_mean=True), ValueError, "expected at least two chirps"),
     (lambda: still(motion=[1e8, 0.0, 0.0]), ValueError, "motion: expected at most 299792 m/s"),
     (lambda: still(field_of_view_deg=(180.0, 20.0)), ValueError, "angles from 0 to below 180"),
-    (lambda: still(motion=[20.0, 0.0, 0.0]), ValueError, "frame: expected more than 32 chirps, as clutter"),
+    (lambda: still(motion=[20.0, 0.0, 0.0]), ValueError, "frame: expected more than 32 chirps, because clutter"),
     # Detection
     (lambda: processing.noise_level(-CUBE), ValueError, "power: expected 0 or above"),
     (lambda: cfar(POWER + 1j), TypeError, r"power: expected real numbers, got complex128 \(power of a spectrum"),

@@ -208,8 +208,8 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
             return _Band(centre, turn, polynomials[: degree + 1].T, time)
         next_power = time / extent * polynomials[degree]
     raise ValueError(
-        f"frame: expected more chirps, because clutter from {lowest:+.3g} to {highest:+.3g} m/s fills all velocities, "
-        f"got {waveform.num_chirps}"
+        f"frame: expected more than {waveform.num_chirps} chirps, because clutter from {lowest:+.3g} to {highest:+.3g} "
+        f"m/s fills all their velocities, got {waveform.num_chirps}"
     )
 
 

@@ -238,7 +238,7 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
 
 
 def has_offsets(frame: Frame) -> bool:
-    """True for ADC samples, whose offset varies slightly from chirp to chirp; False for CW: the offset is the signal."""
+    """True for ADC samples, whose offset varies from chirp to chirp; False for CW: the offset is the signal."""
     return is_of_adc(frame) and not frame.radar.waveform.is_cw and frame.radar.waveform.num_samples > 1
 
 

@@ -283,25 +283,25 @@ _NODES = 1000
 """Nodes of the integral over the background's distribution; 300 differ from it by less than 1e-12."""
 
 _TAIL = 1e-20
-"""What is left out of the background's density, relative to its largest value and to the false-alarm rate."""
+"""Truncated tail of the background's density, relative to its largest value and to the false-alarm rate."""
 
 
 def averaging_factor(num_cells: ArrayLike, false_alarm_rate: float, num_looks: float = 1.0) -> NDArray[np.float64]:
     """Threshold over the mean of training cells; inf where there are none.
 
-    The power of a cell is gamma-distributed, with shape `num_looks`, and so is the sum of n of them, with shape
-    ``n num_looks``: a part of both together is beta-distributed. For one look that is
+    The power of a cell is gamma-distributed with shape `num_looks`, and the sum of n cells with shape ``n num_looks``.
+    The share of one in the total is beta-distributed. For one look the factor is
     ``n (false_alarm_rate**(-1 / n) - 1)`` (Gandhi and Kassam, Analysis of CFAR processors in nonhomogeneous
     background, 1988, eq. 13).
 
     Parameters
     ----------
     num_cells : array_like
-        Training cells; where cells depend on each other, the number of independent ones that scatter as much.
+        Training cells; for correlated cells, the effective number of independent cells.
     false_alarm_rate : float
         Probability that a cell of noise is above the threshold.
     num_looks : float
-        Independent exponentially distributed powers that are added in every cell.
+        Independent exponentially distributed powers added in every cell.
 
     Returns
     -------
@@ -310,8 +310,8 @@ def averaging_factor(num_cells: ArrayLike, false_alarm_rate: float, num_looks: f
     from scipy.special import betaincinv  # here: importing radarcore imports numpy and nothing heavier
 
     cells = np.asarray(num_cells, dtype=np.float64)
-    some = np.maximum(cells, 1e-3)  # below, the factor is no number any more
-    # The part of the training cells falls below `share` with the probability asked for.
+    some = np.maximum(cells, 1e-3)  # below, the factor overflows
+    # The share of the training cells falls below `share` with the false-alarm rate.
     share = betaincinv(some * num_looks, num_looks, false_alarm_rate)
     with np.errstate(divide="ignore"):
         return np.where(cells > 0.0, some * (1.0 - share) / share, np.inf)
@@ -322,9 +322,9 @@ def ordered_factor(num_cells: float, rank: float, false_alarm_rate: float, num_l
     """Threshold over the `rank`-th smallest of the training cells.
 
     For one look the false-alarm rate is the product over i < rank of ``(n - i) / (n - i + factor)`` (Rohling, Radar
-    CFAR thresholding in clutter and multiple target situations, 1983, eq. 37), written with gamma functions; for more
-    it is the mean, over the distribution of the ordered cell, of the probability to be above `factor` times it.
-    Numbers of cells and ranks need not be whole. Arguments otherwise as of `averaging_factor`.
+    CFAR thresholding in clutter and multiple target situations, 1983, eq. 37), written with gamma functions. For more
+    looks the rate is the probability to exceed `factor` times the ordered cell, averaged over the cell's distribution.
+    Numbers of cells and ranks may be fractional. Other arguments as in `averaging_factor`.
     """
     from scipy.optimize import brentq
     from scipy.special import gammaincc
@@ -343,10 +343,10 @@ def ordered_factor(num_cells: float, rank: float, false_alarm_rate: float, num_l
 def _ordered_density(
     n: float, k: float, looks: float, false_alarm_rate: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Powers and the probabilities of the k-th smallest of n gamma-distributed cells about them, which add to 1.
+    """Nodes and weights (sum 1) for averages over the k-th smallest of n gamma-distributed powers.
 
-    Over the logarithm of the power the density falls off exponentially on both sides, so that equal steps converge
-    faster than any power of their number.
+    Over the logarithm of the power the density decays exponentially on both sides, so that equal steps converge faster
+    than any power of their number.
     """
     from scipy.special import gammainc, gammaincc, gammaln
 
@@ -358,7 +358,7 @@ def _ordered_density(
         below = np.where(np.isfinite(below), below, looks * log_power - gammaln(looks + 1.0))
         return np.asarray((k - 1.0) * below + (n - k) * above + looks * log_power - power)
 
-    # The density on a coarse grid, then on a fine one where it counts.
+    # The density on a coarse grid, then on a fine one where it is not negligible.
     grid = np.linspace(-300.0, np.log(looks) + 7.0, 8 * _NODES)
     density = log_density(grid)
     counts = np.flatnonzero(density > density.max() + np.log(_TAIL) + np.log(false_alarm_rate))

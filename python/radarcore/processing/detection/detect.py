@@ -1,4 +1,4 @@
-"""Detections of a frame: cells above the noise around them, measured between the cells, as a point cloud."""
+"""Detections of a frame as a point cloud: cells above the surrounding noise, measured with sub-cell accuracy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _OFF_PEAK = 0.1
 """Error of the parabola through three cells, in noise [cells]."""
 
 _LARGEST_NOISE = 20.0
-"""Powers above that many medians are echoes rather than noise."""
+"""Powers above this many medians are echoes rather than noise."""
 
 
 def detect(
@@ -56,30 +56,30 @@ def detect(
 ) -> Detections:
     """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
 
-    The powers of the channels are added in a map of range and velocity, on the grid of the transforms without padding.
+    The map of range and velocity holds the sum of the channels' powers, on the grid of the transforms without padding.
     A detection is a local maximum above the mean of its training cells by the factor of `cfar`. A training cell counts
-    for at most five times the level of its range, so that a wall hides no person near it. The maximum must also pass
-    after subtraction of the largest amplitude that the sidelobes of stronger echoes can have added, as their phase is
-    unknown. The sidelobes are the window's own, widened by the distance that a fast target crosses in a frame. The same
-    rule removes maxima on the main lobe of a stronger echo.
+    for at most five times the level of its range, so that a wall does not mask a person nearby. The maximum must also
+    exceed the threshold after subtraction of the largest amplitude that sidelobes of stronger echoes can contribute;
+    their phase is unknown. Sidelobes are the window's, widened by the distance that a fast target crosses in a frame.
+    The same rule removes maxima on the main lobe of a stronger echo.
 
-    Noise in neighbouring cells of a windowed transform is correlated, so training cells count for fewer. The threshold
-    is at most 0.3 dB higher than necessary for `false_alarm_rate`: detections of noise are as frequent as set, or a
-    little rarer, because neighbours of a local maximum are no detections of their own.
+    Noise in neighbouring cells of a windowed transform is correlated, so the effective number of training cells is
+    smaller. The threshold is at most 0.3 dB higher than necessary for `false_alarm_rate`. Noise causes at most this
+    rate of detections, slightly less because neighbours of a local maximum are not detected.
 
-    Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
-    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. An array with four
-    channels at different places along an axis separates two of them, see `max_directions`. Velocities whose noise was
-    removed, by `remove_static` or `cancel_pulses`, are excluded from training.
+    Targets in the same cell of range and velocity form one detection, whose direction may lie outside of both. If the
+    channels show this, `Detections.is_resolved` is False and the covariance of the angles is larger. An array with four
+    channels at different places along an axis can separate two targets, see `max_directions`. Velocities whose noise
+    was removed by `remove_static` or `cancel_pulses` are excluded from training.
 
-    Transmitters in Doppler-division multiplex are separated if an empty band tells which is which (`Schedule.ddm`). Of
-    echoes whole bands apart at one range, the strongest is a detection.
+    Transmitters in Doppler-division multiplex are separated if a band is empty (`Schedule.ddm`). Among echoes at one
+    range with distances of whole bands, only the strongest is a detection.
 
-    Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
-    and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
-    `Radar.middle` after its start: that is `Detections.time`. The range is corrected for the Doppler shift,
-    so that the errors of both are correlated. A single chirp, and chirps at unequal intervals, give no velocity, and
-    their ranges keep the Doppler shift of the beat frequency; a CW radar gives no range.
+    Each detection is refined by the tone that fits the cells up to 4 beside it best, in all channels (maximum
+    likelihood). The covariance is its Cramer-Rao bound at the estimated SNR. Range and velocity hold at the middle of
+    the frame, `Detections.time`. The range is corrected for the Doppler shift, so the errors of range and velocity are
+    correlated. A single chirp, or chirps at unequal intervals, give no velocity, and their ranges keep the Doppler
+    shift. A CW radar gives no range.
 
     Parameters
     ----------
@@ -89,49 +89,48 @@ def detect(
         Of a cube; a frame has its own.
     false_alarm_rate : float
         Detections per cell of noise, above 0, up to 0.01. Cells are ``num_chirps`` times the range bins
-        (``num_samples // 2 + 1`` from real samples), without those of `min_range`.
+        (``num_samples // 2 + 1`` from real samples) beyond `min_range`.
     guard, training : int or (int, int), optional
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
-        in a profile without velocities 16.
+        or 16 in a profile without velocities.
     subtract_mean : bool
-        Subtract the mean of the chirps, for a radar at rest; the function `remove_static` is for one that moves. The
-        threshold takes the missing noise at low velocities into account. Targets slower than about one velocity bin
-        are lost.
+        Subtract the mean of the chirps, for a radar at rest (`remove_static` is for a moving radar). The threshold
+        takes the missing noise at low velocities into account. Targets slower than about one velocity bin are lost.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: Hann, as in all
         maps, because the sidelobes of a strong echo would hide weak ones; estimators and bounds of a single echo
         (`doppler_velocity`) default to none, which is the most accurate.
     min_range, max_range : float, optional
-        Limits of the range [m]. Default: all but two range bins next to the radar (and, for real samples, the last),
-        where it hears itself; they do not train either.
+        Limits of the range [m]. Default: all except the two range bins next to the radar (and, for real samples, the
+        last), which contain leakage. These bins are excluded from training too.
     dynamic_range_db : float
-        Detections more than this below the strongest are discarded [dB]: receivers and simulations are not more exact.
+        Detections more than this below the strongest are discarded [dB]; receivers and simulations are not more exact.
     max_directions : 1 or 2
-        2: a cell whose channels fit two plane waves, and significantly better than one, is two detections of equal
-        range and velocity, each with its direction and its `snr_db`. From 1.5 beam widths on most pairs are two. With
-        1, the stronger one's direction is returned.
+        2: a cell gives two detections of equal range and velocity if two plane waves fit its channels significantly
+        better than one. Each has its direction and `snr_db`. Most pairs are separated from 1.5 beam widths on. 1:
+        the direction of the stronger wave.
 
     Returns
     -------
     detections : Detections
-        By increasing range. `snr_db` is the power of the echo over the noise, in a cell whose middle it would be in;
-        the mean of the channels. The noise is the median of the training cells.
+        By increasing range. `snr_db` is the echo's power over the noise if it were in the middle of a cell, averaged
+        over the channels. The noise is the median of the training cells.
 
     Raises
     ------
     ValueError, TypeError
         For shapes that do not fit the radar, several frames or waveforms, Doppler-division multiplex without an empty
-        band, NaN or infinite samples, numbers out of range, and two directions from an array with fewer than four
+        band, NaN or infinite samples, numbers out of range, and two directions with an array of fewer than four
         channels at different places along each axis.
 
     Warns
     -----
     UserWarning
-        When an array detects something and its directions are ambiguous within the field of view of its antennas.
+        If there are detections and directions are ambiguous within the field of view of the antennas.
 
     See Also
     --------
-    Detections : What comes back.
+    Detections : The result.
     strongest_peak : The strongest echo alone.
     cluster : One object for its many detections.
     track : Targets over time.
@@ -177,7 +176,7 @@ def detect(
     search = prepared(radar, check.finite("frame", samples).dtype.kind == "c", settings)
     layout = search.layout
 
-    # Local maxima of the power over velocity and range that are above the thresholds of their surroundings.
+    # Local maxima of the power over velocity and range above their thresholds.
     cells, power = _map(samples, wf, layout, settings, bands)
     trained = _with_noise(power[:, search.first : search.last])
     doubles = power.astype(np.float64)
@@ -191,7 +190,7 @@ def detect(
     least = thresholds[peaks[:, 0], peaks[:, 1] - search.first]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
 
-    # Without sidelobes, and without what rounding of the samples may be.
+    # Discard sidelobes and rounding errors of the samples.
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
     least = np.maximum(least, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
     sources = np.ascontiguousarray(np.concatenate([peaks, _unsearched_maxima(doubles, search)]))
@@ -200,7 +199,7 @@ def detect(
     kept = _above_sidelobes((sources + offset).T, height, doubles[*peaks.T], least, layout)
     peaks, offset = peaks[kept], offset[kept]
 
-    # The tones, and how far they are above the noise.
+    # Fit the tones, and estimate their SNR.
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
@@ -208,7 +207,7 @@ def detect(
         windows = layout.slow, layout.fast
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
-    snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
+    snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels, without the noise in the fit
     in_cell = snr / tones.energy_gain * (layout.slow.sum() * layout.fast.sum()) ** 2 / len(cells)
 
     # Range and velocity, and their covariance.
@@ -220,7 +219,7 @@ def detect(
     covariance = np.zeros((len(peaks), 4, 4))  # one tone's amplitudes and frequencies err independently
     covariance[:, :2, :2] = layout.slopes * variance[:, None] @ layout.slopes.T
 
-    # Directions: of the channels' amplitudes, up to two per tone.
+    # Directions from the channels' amplitudes, up to two per tone.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     distance = range_ if layout.has_range else None
     waves = waves_of(snapshots, radar, velocity, snr / radar.num_channels, distance, max_directions=max_directions)
@@ -256,7 +255,7 @@ def detect(
 def _map(
     samples: NDArray[Any], wf: Waveform, layout: Layout, settings: DetectionSettings, bands: Bands | None
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
+    """Cells (look, row, column), and their power (row, column), scaled to equal noise in all cells."""
     moving = remove_mean(samples) if settings.subtract_mean else samples
     if layout.has_velocity:
         windowed = moving * both_windows(layout.fast, layout.slow, len(layout.slow), moving.real.dtype)
@@ -271,15 +270,15 @@ def _map(
     power = squares[:, ::2] + squares[:, 1::2]
     if settings.subtract_mean and layout.has_velocity:
         power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
-        for row in np.flatnonzero(layout.row_gain <= LEAST_GAIN):  # no noise is left there: the noise beside trains
+        for row in np.flatnonzero(layout.row_gain <= LEAST_GAIN):  # rows without noise: neighbours replace it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
     return cells, power
 
 
 def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
-    """The map with noise in rows that a filter took it from, such as `remove_static`: these do not train.
+    """The map with substituted noise in rows emptied by a filter such as `remove_static`.
 
-    They have the power of rows far away, without the echoes there, where that is larger.
+    An emptied row gets the power of a row far away, limited to exclude echoes, where this is larger.
     """
     is_empty = filtered_rows(power)
     if not is_empty.any():
@@ -292,7 +291,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 
 def _unsearched_maxima(power: NDArray[np.float64], search: Search) -> NDArray[np.int64]:
-    """Largest local maximum of each column that is not searched, such as leakage: (cell, row and column)."""
+    """Largest local maximum of each column outside of the search, such as leakage: (cell, row and column)."""
     beside = [*range(search.first), *range(search.last, search.layout.num_columns)]
     cells = np.ascontiguousarray(np.array([power[:, beside].argmax(axis=0), beside], dtype=np.int64).T)
     return np.asarray(cells[_core.local_maxima(power, cells, is_cyclic=search.layout.is_iq)])
@@ -308,7 +307,7 @@ def _above_sidelobes(
     """Maxima above their thresholds after subtraction of the sidelobes of all stronger ones, the strongest first.
 
     `peaks` are the rows and columns of the maxima (axis, peak) and `height` their powers. `cell` and `threshold` are
-    powers of the cells that are tested: the first maxima, while all others only have sidelobes.
+    the powers of the tested cells, which are the first maxima. All other maxima only contribute sidelobes.
     """
     margin = np.full(len(height), np.inf)
     margin[: len(cell)] = np.sqrt(cell) - np.sqrt(threshold)
@@ -316,7 +315,7 @@ def _above_sidelobes(
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
 
-    # The distance that a target crosses in a frame widens its lobes along both axes alike.
+    # Motion of a target during the frame widens its lobes along both axes equally.
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
     widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
     sources = peaks[:, None]
@@ -336,7 +335,7 @@ def _above_sidelobes(
 def _lobes(
     peaks: NDArray[np.float64], cells: NDArray[np.float64], widened: NDArray[np.float64], layout: Layout
 ) -> NDArray[np.float64]:
-    """Largest amplitude of the lobes of peaks (axis, 1 or 2, peak) in cells, over the peak: (1 or 2, peak, cell)."""
+    """Largest relative amplitude of the lobes of peaks (axis, 1 or 2, peak) in cells, (1 or 2, peak, cell)."""
     distance = np.abs(np.rint(cells)[:, None, None] - peaks[..., None])
     around = np.minimum(distance, np.array([layout.num_rows, len(layout.fast)])[:, None, None, None] - distance)
     rows, columns = np.maximum(around - widened[:, None], 0.0)
@@ -348,7 +347,7 @@ def _lobes(
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:
-    """Amplitudes of the channels; those of several chirps with phases of their own are brought together."""
+    """Amplitudes of the channels; chirps with individual phases are combined by their first singular vector."""
     chirps = amplitude.reshape(len(amplitude), num_channels, amplitude.shape[1] // num_channels)
     if chirps.shape[2] == 1:
         return chirps[:, :, 0]

@@ -1,4 +1,4 @@
-"""The map of ranges and velocities that `detect` searches: its settings, its cells and the test of each cell."""
+"""Range-velocity map of `detect`: settings, layout of the cells and thresholds."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 LEAST_GAIN = 0.05
-"""Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
+"""Least noise gain of a velocity row after removal of static echoes; rows below are not tested."""
 
 MAIN_LOBE = 2
-"""Cells from the middle of an echo to the first zero of the Hann window's main lobe: where leakage from the transmitter
-is, and what a cell must be guarded from."""
+"""Cells from the middle of an echo to the first zero of the Hann window's main lobe: the extent of leakage, and the
+guard cells."""
 
 
 _TRAINING_2D, _TRAINING_1D = 8, 16
-"""Training cells on each side: several hundred of a map, so that the threshold hardly scatters, and of a profile the
-near ones."""
+"""Training cells on each side: several hundred in a map, so that the threshold hardly fluctuates; nearby ones in a
+profile."""
 
 _CLIPPED_ABOVE = 5.0
-"""Most that one training cell counts for, over the level of its range: less than one of noise in a hundred has more, so
-that the threshold falls by 0.03 dB at most, but no strong echo near a weak one raises it by more than its few cells."""
+"""Limit of a training cell's power over the level of its range. Fewer than one cell of noise in a hundred exceed it, so
+that the threshold falls by at most 0.03 dB, and a strong echo hardly raises the threshold of a weak one nearby."""
 
 _HIGHEST_RATE = 0.01
 """Largest false-alarm rate: about one in ten cells of noise is a local maximum."""
@@ -95,7 +95,7 @@ class Layout:
     """Layout of the cells of a map, (look, row, column)."""
 
     slow: NDArray[np.float64]
-    """Window over what the rows are the transform of; a single 1 where there is one row."""
+    """Window over slow time; a single 1 for a map with one row."""
     fast: NDArray[np.float64]
     has_velocity: bool
     has_range: bool
@@ -104,23 +104,23 @@ class Layout:
     num_looks: int
     num_columns: int
     row_gain: NDArray[np.float64]
-    """Noise of every row, relative to that without removal of static echoes, (row,)."""
+    """Noise gain of every row due to removal of static echoes, (row,)."""
     beat_step: float
     """Beat frequency from one column to the next, with the sign of the slope [Hz]."""
     doppler_step: float
     """Doppler frequency from one row to the next [Hz]."""
     smear: float
-    """Cells that a target crosses in a frame per row of its velocity."""
+    """Cells crossed by a target during a frame, per row of its velocity."""
     coordinates: Coordinates
 
     @cached_property
     def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Envelopes of the sidelobes along rows and columns, as `sidelobes` takes them."""
+        """Envelopes for `sidelobes` along rows and columns."""
         return envelope(self.slow), envelope(self.fast if self.has_range else np.ones(1))
 
     @cached_property
     def mean_gain(self) -> NDArray[np.float64]:
-        """Gain of the mean of the chirps in every row, if it is subtracted: it has a part of all echoes, (row,)."""
+        """Gain of the subtracted mean of the chirps in every row, (row,): it contains a part of all echoes."""
         if not (self.row_gain < 1.0).any():
             return np.zeros(self.num_rows)
         spectrum = np.abs(np.fft.fftshift(np.fft.fft(self.slow))) / self.slow.sum()
@@ -128,19 +128,19 @@ class Layout:
 
     @cached_property
     def mean_envelope(self) -> NDArray[np.float64]:
-        """Envelope of the part that echoes have in the mean of the chirps, by their distance from zero velocity."""
+        """Envelope of echoes in the mean of the chirps, by their distance from zero velocity."""
         return envelope(np.ones(self.num_rows))
 
     @cached_property
     def axes(self) -> Axes:
-        """Shape of a tone in the cells about its peak."""
+        """Shape of a tone in the cells around its peak."""
         most = 2 * REACH + 1
         num_cells = min(most, self.num_rows), min(most, self.num_columns)
         return axes_of((self.slow, self.fast), num_cells, is_conjugate=self.is_down)
 
     @cached_property
     def slopes(self) -> NDArray[np.float64]:
-        """Derivatives of range and velocity by row and column, (2, 2); NaN for what is not observable."""
+        """Derivatives of range and velocity by row and column, (2, 2); NaN for unobservable ones."""
         slopes: NDArray[np.float64] = self.coordinates.slopes()[:, ::-1] * [self.doppler_step, self.beat_step]
         slopes[[not self.has_range, not self.has_velocity]] = np.nan
         return slopes
@@ -151,7 +151,7 @@ class Layout:
         return len(self.row_gain)
 
     def searched(self, lowest: float | None) -> tuple[int, int]:
-        """First and last column (exclusive) to be searched."""
+        """First and last column (exclusive) of the search."""
         if not self.has_range or self.num_columns <= 2 * MAIN_LOBE:
             return 0, self.num_columns
         metres_per_column = self.beat_step * self.coordinates.slopes()[0, 0]
@@ -159,12 +159,12 @@ class Layout:
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
-        """Rows from zero velocity on: half a row below the lowest velocity is the highest."""
+        """Row relative to zero velocity, wrapped: half a row below the lowest velocity is the highest."""
         half = 0.5 * self.num_rows
         return (row - self.num_rows // 2 + half) % self.num_rows - half
 
     def wrapped_column(self, column: Any) -> Any:
-        """Columns from range zero on; range is cyclic with I/Q."""
+        """Column relative to range zero; range is cyclic with I/Q."""
         return column % len(self.fast) if self.is_iq and self.has_range else column
 
 
@@ -206,8 +206,8 @@ def layout_of(radar: Radar, window: Window, doppler_window: Window, subtract_mea
 class Coordinates:
     """Range and velocity at the middle of a frame, from frequencies at the centre of its windows.
 
-    The phase of a uniformly moving target is quadratic in fast and slow time and windows are symmetric, so the
-    frequencies at the peak are those at the centre of the windows.
+    The phase of a uniformly moving target is quadratic in fast and slow time and the windows are symmetric. The
+    frequencies at the peak are therefore the frequencies at the centre of the windows.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ class Coordinates:
     fast_centre, slow_centre : float
         Centres of the windows [samples, chirps].
     has_velocity : bool
-        False for a single chirp, or chirps at unequal intervals: there is no Doppler frequency.
+        False for a single chirp, or chirps at unequal intervals, which give no Doppler frequency.
     """
 
     waveform: Waveform
@@ -236,7 +236,7 @@ class Coordinates:
         return float(wf.middle - centre)
 
     def at(self, beat: Any, doppler: Any) -> tuple[Any, Any]:
-        """Range [m] and velocity [m/s], NaN for what is not told; `beat` has the sign of the slope [Hz]."""
+        """Range [m] and velocity [m/s], NaN for unobservable ones; `beat` has the sign of the slope [Hz]."""
         wf = self.waveform
         if not self.has_velocity:
             without = np.full(np.shape(doppler + beat), np.nan)
@@ -252,8 +252,8 @@ class Coordinates:
     def slopes(self) -> Any:
         """Derivatives of range and velocity by beat and Doppler frequency, (2, 2).
 
-        Without the little that the range changes the frequency of the Doppler shift: parts of 1e-3 where the band is
-        a tenth of the frequency.
+        Neglects the effect of range on the frequency of the Doppler shift: of the order 1e-3 if the bandwidth is a
+        tenth of the frequency.
         """
         wf = self.waveform
         by_beat = np.nan if wf.is_cw else 0.5 * SPEED_OF_LIGHT / wf.slope
@@ -265,7 +265,7 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Cells of a map that are tested, and their thresholds; training cells are in the columns `first` to `last`."""
+    """Tested cells of a map and their thresholds; training cells are in the columns `first` to `last`."""
 
     layout: Layout
     first: int
@@ -274,7 +274,7 @@ class Search:
     guards: tuple[int, int]
     trainings: tuple[int, int]
     scale: NDArray[np.float64]
-    """Threshold over the sum of the training cells, 0 where none is tested, (row, column from `first` on)."""
+    """Threshold over the sum of the training cells, 0 for untested cells, (row, column from `first` on)."""
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
 
@@ -284,10 +284,10 @@ class Search:
         return self.scale > 0.0
 
     def thresholds(self, power: NDArray[Any]) -> NDArray[np.float64]:
-        """Thresholds of the cells of a map of the searched columns, 0 where none is tested.
+        """Thresholds of a map of the searched columns, 0 for untested cells.
 
-        The level of the noise at every range is the median of all velocities, then of the ranges near it. Clutter that
-        fills all velocities of a range, or most ranges of a profile, belongs to the level there.
+        The noise level at every range is the median over all velocities, then over the ranges near it. Clutter that
+        fills all velocities of a range, or most ranges of a profile, counts as noise.
         """
         middle, reach = len(power) // 2, self.guards[1] + self.trainings[1]
         near = np.partition(power, middle, axis=0)[middle, neighbours(power.shape[1], reach)]
@@ -295,7 +295,7 @@ class Search:
         return np.asarray(self.scale * training_sums(limited, self.guards, self.trainings))
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Medians of the training cells of some cells (cell, 2) of such a map."""
+        """Medians of the training cells around `cells` (cell, 2)."""
         searched = np.ascontiguousarray(power, np.float64), cells - np.array([0, self.first])
         return _core.training_medians(*searched, guards=self.guards, trainings=self.trainings)
 
@@ -309,11 +309,11 @@ def neighbours(length: int, reach: int) -> NDArray[np.intp]:
 
 @lru_cache(maxsize=16)
 def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
-    """The search for detections in a frame of a radar, prepared once for all frames."""
+    """Search of a radar's frames, prepared once for all frames."""
     if settings.min_range is not None or settings.max_range is not None:
         require_range(radar.waveform)
     if settings.subtract_mean and radar.waveform.num_chirps < 2:
-        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
+        raise ValueError("subtract_mean: expected at least two chirps for a mean, got one")
     layout = layout_of(radar, settings.window, settings.doppler_window, settings.subtract_mean, is_iq)
     first, last = layout.searched(settings.min_range)
     guards, trainings = settings.guard, settings.training
@@ -322,7 +322,7 @@ def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
     counts = training_counts((layout.num_rows, last - first), guards, trainings)
     require_training(counts, guards)
 
-    # Training cells count as the smaller number of independent cells, see `independent_share`.
+    # The effective number of training cells is smaller, see `independent_share`.
     share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
     independent = np.maximum(share * counts, np.minimum(counts, 1))
     factor = averaging_factor(independent, settings.false_alarm_rate, layout.num_looks)
@@ -336,9 +336,9 @@ _PER_CELL = 16
 
 
 def envelope(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest amplitude of a window's transform at a distance from the peak or farther, 16 points per cell.
+    """Largest amplitude of a window's transform at or beyond a distance from the peak, 16 points per cell.
 
-    It is relative to the least height that a parabola through the log power of three cells can find of the peak.
+    The reference is the smallest peak height that a parabola through the log power of three cells can give.
     """
     spectrum = np.abs(np.fft.rfft(weights, _PER_CELL * len(weights))) / weights.sum()
     lobes = np.maximum.accumulate(spectrum[::-1])[::-1]
@@ -351,5 +351,5 @@ def envelope(weights: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def sidelobes(envelope: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Amplitude of an `envelope` at distances [cells], relative to the peak; beyond the last point, the last value."""
+    """Amplitude of an `envelope` at distances [cells], relative to the peak; constant after its last point."""
     return envelope.take((distance * _PER_CELL).astype(np.intp), mode="clip")

@@ -33,18 +33,18 @@ from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame, is_of_adc
 
 _PADDING = 4
-"""Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
+"""Cells per bin of the search grid; the parabola then errs by less than 1e-3 bins (Hann)."""
 
 _FALSE_ALARMS = 1e-6
-"""Frames of noise with a peak, by the default of `min_snr_db`."""
+"""Share of noise frames with a peak, for the default of `min_snr_db`."""
 
 _NEAREST = 3.0
-"""Range bins next to the radar that leakage from its own transmitter fills: less than a cycle per chirp, and two of the
+"""Range bins next to the radar filled by leakage from its transmitter: less than a cycle per chirp, and two bins of the
 window's main lobe."""
 
 _SIDELOBES = 3.0
-"""Amplitude of what leakage adds to bins beyond, over that of the window's sidelobes: 2 where those of a tone and its
-mirror image add up, and half as much again, as leakage is no tone."""
+"""Sidelobe amplitude of leakage over the window's sidelobes: 2 for the sum of a tone and its mirror image, times 1.5
+because leakage is not a pure tone."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Peak:
     range_index, velocity_index : int
         Nearest cell of ``range_doppler(cube, waveform)``.
     snr_db : float
-        `power` over the noise [dB]: over the median of the map, scaled to the mean that noise with this median has.
+        `power` over the noise [dB]. The noise is the mean that corresponds to the median of the map.
 
     See Also
     --------
@@ -99,22 +99,21 @@ def strongest_peak(
 ) -> Peak | None:
     """Range and velocity of the strongest echo of a frame, to a fraction of a bin.
 
-    The powers of the channels are added. A peak is a local maximum within the limits, so the flank of a stronger
-    echo outside them is none. A parabola through the log power of a four times finer grid gives the sub-bin
-    estimate, good to 0.02 bins in both axes for one target (Hann windows, no noise, velocity constant). Velocity
-    is taken as unambiguous: within ``waveform.max_velocity``.
+    The powers of the channels are added. A peak is a local maximum within the limits; the flank of a stronger echo
+    outside is ignored. A parabola through the log power of a four times finer grid gives the sub-bin estimate,
+    accurate to 0.02 bins in both axes for one target (Hann windows, no noise, constant velocity). Velocity is assumed
+    to be within ``waveform.max_velocity``.
 
-    The noise is the median of the map, which an echo or two hardly move, without velocities whose noise a filter such
-    as `remove_static` took. Where echoes fill more than half of the map,
-    they count as noise, and a weak one within limits may then need a `min_snr_db` of its own. `detect` finds several
-    targets, and compares each with what is around it.
+    The noise is the median of the map, which a few echoes hardly change. Velocities emptied by a filter such as
+    `remove_static` are excluded. If echoes fill more than half of the map, they count as noise; a weak echo may then
+    need a smaller `min_snr_db`. `detect` finds several targets and compares each with its surroundings.
 
-    **Leakage.** A sensor hears its own transmitter, most of all in its nearest range bins and far louder than any echo.
-    Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
-    range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
-    neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
-    A bare cube may be a sensor's: a peak of real samples within three range bins raises a warning. Static targets are
-    echoes like others: `remove_running_mean` removes them.
+    **Leakage.** A sensor receives its own transmitter in the nearest range bins, far stronger than any echo. In a frame
+    with ADC samples (codes, counts or parts of full scale) the search therefore starts beyond three range bins and
+    excludes possible sidelobes of the leakage. Frames simulated without leakage and offsets are searched in full. If
+    `min_range` is given, even 0, only the limits apply, as for any other frame. A bare cube may come from a sensor: a
+    peak of real samples within three range bins raises a warning. Static targets count as echoes;
+    `remove_running_mean` removes them.
 
     From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
     their mirror image and are less accurate.
@@ -126,27 +125,26 @@ def strongest_peak(
     waveform : Waveform or Radar, optional
         Of a cube; a frame has its own. Chirps at equal intervals.
     min_range, max_range : float, optional
-        Limits of the range at the middle of the frame [m]; default: all that the waveform tells apart, of samples of an
-        ADC all but the leakage.
+        Limits of the range at the middle of the frame [m]; default: all ranges, for ADC samples all beyond the leakage.
     min_velocity, max_velocity : float, optional
         Limits of the velocity, receding positive [m/s]; default: none. A single chirp has no velocity to limit.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     min_snr_db : float, optional
-        Smallest `Peak.snr_db` [dB]. Default: what one frame in a million of noise alone exceeds: for 64 chirps of
-        128 real samples 14.1 dB with one channel, 10.2 dB with three; more for small frames, whose median is less sure.
+        Smallest `Peak.snr_db` [dB]. Default: one noise frame in a million exceeds it. For 64 chirps of 128 real samples
+        it is 14.1 dB with one channel and 10.2 dB with three; small frames need more, as their median fluctuates more.
 
     Returns
     -------
     peak : Peak or None
         Strongest peak; the range is corrected for the Doppler shift of the beat frequency (except for a single chirp).
-        None where nothing within the limits is that much above the noise.
+        None if no peak within the limits reaches `min_snr_db`.
 
     Raises
     ------
     ValueError, TypeError
-        As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
-        Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
+        As `range_doppler`, except that a CW radar is accepted without limits of range. Also for several frames,
+        transmitters in Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
 
     Warns
     -----
@@ -155,9 +153,9 @@ def strongest_peak(
 
     See Also
     --------
-    processing.Peak : What comes back.
+    processing.Peak : The result.
     detect : All targets of a frame.
-    doppler_velocity : The strongest echo, as exactly as noise allows.
+    doppler_velocity : The strongest echo, with the accuracy that noise allows.
 
     Examples
     --------
@@ -189,8 +187,8 @@ def strongest_peak(
     velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
     least_snr_db = None if min_snr_db is None else check.number("min_snr_db", min_snr_db, "dB")
 
-    # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
-    # of velocity (or range): that axis then has one cell.
+    # Power on a fine grid, added over channels: (doppler, range). With one weighted chirp (or sample), velocity (or
+    # range) is unobservable: its axis then has one cell.
     fast_weights = window_weights("window", window, waveform.num_samples)
     slow_weights = centred_window("doppler_window", doppler_window, waveform.num_chirps)
     has_range = bool(np.count_nonzero(fast_weights) > 1) and not waveform.is_cw
@@ -211,7 +209,7 @@ def strongest_peak(
         beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
         return coordinates.at(beat, (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval))
 
-    # The strongest within the limits, and its place between the cells.
+    # The strongest peak within the limits, and its position between the cells.
     is_iq = np.iscomplexobj(samples)
     is_searched = power > (_leakage(power, fast_weights, is_cyclic=is_iq) if leaks and has_range else 0.0)
     ranges, velocities = measure(*np.ogrid[: power.shape[0], : power.shape[1]])
@@ -248,8 +246,8 @@ def strongest_peak(
         return None
     if may_leak and has_range and at_column <= _NEAREST * _PADDING:
         notice.warn(
-            f"cube: expected the strongest peak beyond {_NEAREST:g} range bins, as a sensor hears its own transmitter "
-            f"there, got it at {peak_range:.3g} m; give the sensor's Frame, or min_range"
+            f"cube: expected the strongest peak beyond {_NEAREST:g} range bins, because nearer bins contain a sensor's "
+            f"leakage, got it at {peak_range:.3g} m; give the sensor's Frame, or min_range"
         )
     return Peak(
         range=float(peak_range) if has_range else np.nan,
@@ -262,7 +260,7 @@ def strongest_peak(
 
 
 def _has_leakage(frame: Frame) -> bool:
-    """True for samples of an ADC, unless the receiver is known in full, as only simulated ones are, and adds nothing.
+    """True for ADC samples, unless the receiver is fully known (simulated) and adds no leakage and no offsets.
 
     Offsets lie in the same bins as leakage.
     """
@@ -277,9 +275,9 @@ def _has_leakage(frame: Frame) -> bool:
 
 
 def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, is_cyclic: bool) -> NDArray[np.float64]:
-    """Largest power that leakage explains, (doppler, range): all in the nearest bins, and sidelobes of that beyond.
+    """Largest power explained by leakage, (doppler, range): any power in the nearest bins, and its sidelobes elsewhere.
 
-    Every velocity has its own: what differs from chirp to chirp, such as offsets, is in the nearest bins as well.
+    Each velocity has its own limit, because offsets and leakage may vary from chirp to chirp.
     """
     bins = np.arange(power.shape[1]) / _PADDING
     if is_cyclic:
@@ -290,10 +288,10 @@ def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, i
 
 
 def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> float:
-    """What no cell of noise is above in all but one frame of a million.
+    """SNR exceeded by a cell of noise in one frame of a million.
 
-    The median is the middle of as many cells as are independent. The sum of the rates of all cells of the fine grid is
-    an upper bound of that of frames.
+    The median is the middle of the independent cells. The sum of the rates of all cells of the fine grid is an upper
+    bound of the rate of frames.
     """
     number = max(num_independent, 1.0)
     factor = ordered_factor(number, 0.5 * (number + 1.0), _FALSE_ALARMS / num_cells, num_channels)
@@ -301,7 +299,7 @@ def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> 
 
 
 def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
-    """Both limits of a search, in order; None: no limit."""
+    """Lower and upper limit of a search; None: no limit."""
     lowest = -np.inf if low is None else check.number(f"min_{name}", low, unit)
     highest = np.inf if high is None else check.number(f"max_{name}", high, unit)
     if lowest > highest:

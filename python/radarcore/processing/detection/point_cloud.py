@@ -19,7 +19,7 @@ COORDINATES = ("range", "velocity", "azimuth", "elevation")
 @sealed
 @dataclass(eq=False)
 class Detections:
-    """Detections of a frame, by increasing range; NaN for a coordinate that the radar does not tell.
+    """Detections of a frame, by increasing range; NaN for unobservable coordinates.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ class Detections:
     snr_db : (detection,) array_like
         Power over the noise [dB], after the transforms.
     covariance : (detection, 4, 4) array_like, optional
-        Of range, velocity, azimuth and elevation, in their units; NaN for coordinates that are not told.
+        Of range, velocity, azimuth and elevation, in their units; NaN for unobservable coordinates.
     time : float
         Middle of the frame [s].
     is_resolved : (detection,) array_like of bool, optional
         False if a single target does not explain the channels, as for two targets in one cell. Default: all True.
     ambiguous_beyond : float
-        Angle from the front [rad] beyond which directions are ambiguous, see `Directions.ambiguous_beyond`.
+        Largest unambiguous angle from the front [rad], see `Directions.ambiguous_beyond`.
     alternatives : (detection, alternative, 2) array_like, optional
         Azimuth and elevation [rad] of other directions with the same phases, see `Directions.alternatives`. Default:
         none.
@@ -94,10 +94,10 @@ class Detections:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """Points in the sensor frame, (detection, 3) [m]; an elevation that is not told counts as 0."""
+        """Points in the sensor frame, (detection, 3) [m]; an unobservable elevation counts as 0."""
         return self.range[:, None] * unit_vectors(self.azimuth, np.nan_to_num(self.elevation))
 
 
 def _numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Numbers, NaN among them, read-only."""
+    """Numbers, NaN allowed, read-only."""
     return check.frozen(check.shaped(name, np.array(check.numbers(name, value), ndmin=1), shape))

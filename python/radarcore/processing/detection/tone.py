@@ -1,4 +1,4 @@
-"""Frequencies of a tone from the cells about its peak: the estimate of maximum likelihood, and how sure it is."""
+"""Maximum-likelihood frequencies of a tone from the cells around its peak, and their Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -14,36 +14,35 @@ from radarcore import _core
 from radarcore.products import product
 
 REACH = 4
-"""Cells on each side of the peak that are used. With Hann windows over both axes the standard deviation is then 1.26 to
-1.34 times the least possible with all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.87), while echoes
-farther away still meet the sidelobes of the window."""
+"""Cells used on each side of the peak. With Hann windows over both axes the standard deviation is 1.26 to 1.34 times
+the bound for all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.87). Echoes farther away are still
+attenuated by the window's sidelobes."""
 
 _MIRRORED = 6.0
-"""Columns up to which the mirror image of a real tone disturbs its fit: beyond, a Hann window attenuates by 60 dB."""
+"""Last column where the mirror image of a real tone disturbs its fit; farther on a Hann window attenuates by 60 dB."""
 
 _NUM_REFITS = 2
-"""Refits after subtracting the mirror images of the previous fit: each reduces the error a hundred times."""
+"""Refits after subtraction of the mirror images of the previous fit; each reduces the error by a factor of 100."""
 
 _DEGREE = 24
-"""Degree of the polynomials: pi^25 / 25! = 2e-13, for a peak one cell away from the middle."""
+"""Degree of the polynomials; their error is pi^25 / 25! = 2e-13 for a peak one cell from the middle."""
 
 _LEAST_VARIANCE = 1e-9
-"""Parts of the noise below this, relative to a cell, are combinations of cells that the window makes zero."""
+"""Noise variances below this, relative to a cell, belong to combinations of cells that the window makes zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axes:
     """Shape of a tone in neighbouring cells of slow and of fast time, and the noise in them.
 
-    Both have the same number of cells; the shorter axis has zeros beyond its own.
+    Both have the same number of cells; the shorter axis is padded with zeros.
 
     Attributes
     ----------
     series : (axis, place, degree, 8 cell) float64
-        Power series, by the distance from the middle cell [cells], of a tone of amplitude 1 and of its derivative, both
-        as they are and as the conjugate of their product with the pseudo-inverse of the covariance of the noise, whose
-        power is 1 in a single cell: complex numbers (2, 2, cell). They are in the cells of a patch that has `place`
-        cells before the middle one.
+        Power series, by the distance from the middle cell [cells], of a tone of amplitude 1 and of its derivative.
+        Both are given directly and as the conjugate of their product with the pseudo-inverse of the noise covariance
+        (noise power 1 in a single cell): complex numbers (2, 2, cell). The patch has `place` cells before the middle.
     num_cells : (int, int)
         Rows and columns of a patch.
     """
@@ -54,19 +53,19 @@ class Axes:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Tones that fit the cells best.
+    """Best-fitting tones.
 
     Attributes
     ----------
     offset : (tone, 2) float64
         From the middle cell along slow and fast time [cells].
     amplitude : (tone, channel) complex128
-        Of every channel, in the unit of the samples.
+        In the unit of the samples.
     energy_gain : (tone,) float64
-        Power over the noise of the cells together, for a tone of ``abs(amplitude)**2`` = 1 and noise of 1 per cell.
+        Combined SNR of the cells for a tone of ``abs(amplitude)**2`` = 1 and noise of 1 per cell.
     information : (tone, 2) float64
-        ``1 / (2 snr information)`` is the variance of the offset [cells^2], the Cramer-Rao bound for these cells, with
-        the sum over channels of the SNR of the cells together; the two offsets do not depend on each other.
+        ``1 / (2 snr information)`` is the variance of the offset [cells^2]: the Cramer-Rao bound for these cells, with
+        the combined SNR of the cells summed over channels. The two offsets are independent.
     """
 
     offset: NDArray[np.float64]
@@ -81,7 +80,7 @@ def axes_of(
     *,
     is_conjugate: bool = False,
 ) -> Axes:
-    """The axes of the transforms of windows over slow and fast time.
+    """Axes from the windows over slow and fast time.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ def axes_of(
         inverse[i, :number, :number] = (parts[:, kept] / variances[kept]) @ parts[:, kept].conj().T
         cells = slice(most - number, most + number - 1)
         series[i, :, 0, cells] = tone[:-1]
-        if np.count_nonzero(kept) > 1:  # a single part has no frequency
+        if np.count_nonzero(kept) > 1:  # a single component has no frequency
             series[i, :, 1, cells] = tone[1:] * np.arange(1, _DEGREE + 2)[:, None]
     places = np.stack([series[..., most - 1 - k : 2 * most - 1 - k] for k in range(most)], axis=1)
     through = (places @ inverse[:, None, None].mT).conj()
@@ -119,19 +118,19 @@ def axes_of(
 def fit(
     cells: NDArray[Any], peaks: NDArray[np.intp], start: NDArray[np.float64], axes: Axes, *, is_cyclic: bool
 ) -> Fit:
-    """Fit one tone to the cells about each peak.
+    """Fit one tone to the cells around each peak.
 
     Parameters
     ----------
     cells : (channel, row, column) complex64 or complex128
-        Map of all channels, with amplitudes of their own.
+        Map of all channels; each channel has its own amplitudes.
     peaks : (tone, 2) int
-        Rows and columns of the middle cells, which offsets count from.
+        Rows and columns of the middle cells, the origin of offsets.
     start : (tone, 2) float64
-        Offset to start from.
+        Initial offset.
     axes : Axes
     is_cyclic : bool
-        Columns go on at the other edge, as rows do; otherwise none beyond the edges are used.
+        Columns wrap around at the edges, as rows do; otherwise only cells inside of the edges are used.
     """
     both = np.ascontiguousarray(peaks, dtype=np.int64), np.ascontiguousarray(start)
     map_ = np.ascontiguousarray(cells)
@@ -153,9 +152,9 @@ def refit_near(
     *,
     is_conjugate: bool,
 ) -> Fit:
-    """Tones of real samples; tones near column 0 are fitted again without all mirror images.
+    """Tones of real samples: tones near column 0 are refitted after subtraction of all mirror images.
 
-    A real tone is a complex tone and its conjugate, whose main lobes overlap near column 0.
+    A real tone is a complex tone plus its conjugate; their main lobes overlap near column 0.
 
     Parameters
     ----------
