@@ -169,19 +169,20 @@ def _first(ids: NDArray[np.int64]) -> int:
     return next((int(one) for one in ids if one >= 0), -1)
 
 
-def walker_table(walks: list[Walk]) -> str:
+def walkers(walks: list[Walk]) -> str:
     """One walker: frames with one track, and the other tracks."""
-    rows = []
-    for seed, walk in enumerate(walks):
+    single, found, others = [], [], []
+    for walk in walks:
         frames, _ = followed(walk)
         lengths = Counter(state.id for states in frames for state in states).most_common()
-        ids = identities(walk, frames)
-        single = np.mean([len(states) == 1 for states in frames])
-        others = ", ".join(str(length) for _, length in lengths[1:])
-        rows.append([str(seed), f"{100 * single:.1f}", f"{100 * np.mean(ids >= 0):.1f}", others or "none"])
-    mean = [f"{np.mean([float(row[k]) for row in rows]):.1f}" for k in (1, 2)]
-    header = ["seed", "one track [% of frames]", "a track at the person [%]", "frames of other tracks"]
-    return table(header, [*rows, ["mean", *mean, ""]])
+        single.append(100.0 * np.mean([len(states) == 1 for states in frames]))
+        found.append(100.0 * np.mean(identities(walk, frames) >= 0))
+        others += [str(length) for _, length in lengths[1:]]
+    each = [f"{np.mean(one):.1f} % (least {min(one):.1f} %)" for one in (single, found)]
+    return (
+        f"One walker, {len(walks)} walks: one track in {each[0]} of the frames, a track at the person in {each[1]}. "
+        f"Frames of other tracks: {', '.join(others) or 'none'}."
+    )
 
 
 def meeting_table(walks: list[Walk]) -> str:
@@ -220,10 +221,7 @@ def main() -> None:
     alone = [simulated(seed, 1, num_alone) for seed in range(1 if options.tiny else NUM_ALONE)]
     together = [simulated(100 + seed, 4, num_together) for seed in range(1 if options.tiny else NUM_TOGETHER)]
     pairs = f"{len(together)} walks of {num_together} frames; pairs that come within {MEETING:g} m and part"
-    tables = (
-        f"One walker, {num_alone} frames:\n\n{walker_table(alone)}\n\n"
-        f"Four people, {pairs}:\n\n{meeting_table(together)}"
-    )
+    tables = f"{walkers(alone)}\n\nFour people, {pairs}:\n\n{meeting_table(together)}"
     print(tables)
     if options.write:
         write_section(DOCS / "tracking.md", "people", TEXT.format(rate=RATE, tables=tables))

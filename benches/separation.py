@@ -50,6 +50,8 @@ seen from above.
 
 {tracks}
 
+{empty}
+
 Processor time of one frame on one thread ({machine}, shared with others):
 
 {times}
@@ -208,7 +210,7 @@ def breathing_table(num_seeds: int, rate: float) -> str:
 def share(hits: list[bool]) -> str:
     """Percentage of hits with its interval."""
     low, high = binomtest(sum(hits), len(hits)).proportion_ci(method="wilson")
-    return f"{100.0 * np.mean(hits):.1f} ({100.0 * low:.1f} to {100.0 * high:.1f})"
+    return f"{100.0 * np.mean(hits):.1f} ({100.0 * low:.0f}-{100.0 * high:.0f})"
 
 
 def rates(rows: dict[str, list[Row]], name: str, edges: list[float], unit: str) -> str:
@@ -219,13 +221,11 @@ def rates(rows: dict[str, list[Row]], name: str, edges: list[float], unit: str) 
             inside = [row for row in frames if low <= getattr(row, name) < high]
             if len(inside) >= 20:
                 rate = [share([row.is_detected for row in inside]), share([row.is_tracked for row in inside])]
-                snr = f"{np.median([row.snr_db for row in inside]):.0f}"
-                lines.append([kind, f"{low:g} to {high:g}", str(len(inside)), snr, *rate])
+                lines.append([kind, f"{low:g}-{high:g}", str(len(inside)), *rate])
     header = [
         "person",
         f"{name.removesuffix('_db')} [{unit}]",
         "frames",
-        "median SNR [dB]",
         "detected [%]",
         "tracked [%]",
     ]
@@ -241,32 +241,37 @@ def main() -> None:
     times: dict[str, list[float]] = {"detect": [], "track": [], "separation": [], "all": []}
     runs = {kind: [followed(kind, seed, num_frames, times) for seed in range(num_seeds)] for kind in PEOPLE}
     rows = {kind: [row for each, _ in of_kind for row in each] for kind, of_kind in runs.items()}
-    minutes = num_seeds * num_frames / RATE / 60.0
-    lines = []
+    columns = []
     for kind, frames in rows.items():
         errors = np.array([row.error for row in frames if np.isfinite(row.error)] or [np.nan])
         low, middle, high = np.percentile(errors, [5, 50, 95])
-        lines += [
-            [kind, "frames with a track at the person [%]", share([row.is_tracked for row in frames])],
-            [kind, "tracks per person", f"{np.mean([number for _, number in runs[kind]]):.1f}"],
-            [kind, "error of the distance, median [m]", f"{middle:+.3f}"],
-            [kind, "error of the distance, 5 to 95 % [m]", f"{low:+.3f} to {high:+.3f}"],
-            [kind, "required distance, median [m]", f"{np.nanmedian([row.required for row in frames]):.2f}"],
-            [kind, "frames with false tracks [%]", share([row.num_false > 0 for row in frames])],
-        ]
-    number, empty = false_tracks(num_empty), num_empty / RATE / 60.0
-    lines.append(["nobody", f"tracks in {empty:.1f} min", str(number)])
+        columns.append(
+            [
+                share([row.is_tracked for row in frames]),
+                f"{np.mean([number for _, number in runs[kind]]):.1f}",
+                share([row.num_false > 0 for row in frames]),
+                f"{middle:+.3f}",
+                f"{low:+.3f} to {high:+.3f}",
+                f"{np.nanmedian([row.required for row in frames]):.2f}",
+            ]
+        )
+    quantities = ["frames with a track at the person [%]", "tracks per person", "frames with false tracks [%]"]
+    quantities += [
+        f"{name} [m]" for name in ("error of the distance, median", "5 to 95 %", "required distance, median")
+    ]
+    lines = [[name, *values] for name, *values in zip(quantities, *columns, strict=True)]
     tables: dict[str, Any] = {
         "breathing": breathing_table(num_seeds, 10.0 if options.tiny else RATE),
         "by_range": rates(rows, "range", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "m"),
         "by_snr": rates(rows, "snr_db", [0.0, 18.0, 24.0, 30.0, 36.0, 60.0], "dB"),
-        "tracks": table(["person", "quantity", "value"], lines),
+        "tracks": table(["quantity", *rows], lines),
+        "empty": f"Without people: {false_tracks(num_empty)} tracks in {num_empty / RATE / 60.0:.1f} min.",
         "times": table(
             ["stage", "median [ms]", "95 % [ms]"],
             [[name, f"{np.median(each):.2f}", f"{np.percentile(each, 95):.2f}"] for name, each in times.items()],
         ),
     }
-    print("\n\n".join(tables.values()), f"\n\n{minutes:.1f} min of each kind")
+    print("\n\n".join(tables.values()))
     if options.write:
         text = TEXT.format(num_seeds=num_seeds, num_frames=num_frames, machine=machine(), **tables)
         write_section(DOCS / "separation.md", "separation", text)
