@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,20 @@ def test_movement_of_millimetres_is_breathing_and_none_is_not(name: str) -> None
     static = breathing(frames(0.0, motion), SURFACE, motion)
     assert static.is_breathing is False
     assert static.share < 0.1 < 0.5 < found.share
+
+
+def test_frames_of_a_live_sensor_are_used_as_they_come() -> None:
+    recording, live = frames(2e-3, swing), rc.Live()
+
+    def arriving() -> Iterator[rc.Frame]:
+        for frame in recording.frames():
+            for k in range(20):  # 400 Hz: the last 256 updates are not even a second
+                live.update(frame.time + k / 400, swing(frame.time + k / 400))
+            yield frame
+
+    found = breathing(arriving(), SURFACE, live)
+    assert found.is_breathing is True
+    assert found.share == pytest.approx(breathing(recording, SURFACE, swing).share, abs=0.05)
 
 
 def test_share_of_a_sine_of_known_phase() -> None:

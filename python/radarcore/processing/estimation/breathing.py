@@ -89,7 +89,8 @@ def breathing(source: Recording | Iterable[Frame], place: ArrayLike, motion: Any
     Parameters
     ----------
     source : Recording or iterable of Frame
-        At least 5 s and 50 frames.
+        At least 5 s and 50 frames in the order of time, at 20 frames per second or more. An iterable may wait for
+        frames: each one is used as it comes, while `rc.Live` still has its poses.
     place : (3,) array_like
         In the world [m], such as ``TrackState.position``; the strongest echo up to 0.3 m before and behind it counts.
     motion : Motion, optional
