@@ -65,6 +65,10 @@ def test_moving_sensor_classifies_in_the_world() -> None:
     assert known.classify(ahead).tolist() == ["moving"]
     assert known.classify(seen([[2.5, 0.0]], time=1.0, speed=-0.5), cart).tolist() == ["unknown"]
     assert known.classify(seen([[3.5, 0.0]], time=1.0), cart).tolist() == ["moving"]
+    # A direction that is wrong by 0.4 rad explains 0.19 m/s at a speed of 0.5 m/s across.
+    aside = rc.Linear(rc.Pose(), velocity=[0.0, 0.5, 0.0])
+    for deviation, expected in ((0.2, "known"), (0.02, "moving")):
+        assert known.classify(seen([[5.0, 0.0]], speed=-0.19, deviation=deviation), aside).tolist() == [expected]
 
 
 def test_learnt_map_knows_what_stood_there() -> None:
@@ -94,6 +98,22 @@ def test_standing_person_is_an_unknown_object_and_a_wall_is_none() -> None:
     assert not any(followed(frames, None))
     walking = followed([seen([[4.0 - k / 40, 0.0]], k / 40, speed=-1.0) for k in range(40)], StaticMap.of([WALL]))
     assert not walking[-1][0].is_static
+    both = [seen([[2.0, 0.5], [4.0 - k / 40, -1.0]], k / 40, speed=np.array([0.0, -0.95])) for k in range(40)]
+    assert sorted(state.is_static for state in followed(both, StaticMap.of([WALL]))[-1]) == [False, True]
+
+
+def test_track_takes_static_echoes_that_may_be_of_a_wall_but_are_at_its_place() -> None:
+    known = StaticMap.of([rc.Body(rc.shapes.plate(1.0, 3.0), motion=rc.Pose([5.0, 0.0, 0.0]))])
+    place, away = np.array([4.7, 1.7]), np.array([4.7, 1.7]) / 5.0
+    ways = np.minimum(np.arange(100) / 40 - 1.0, 0.0)
+    frames = [
+        seen([(place + way * away).tolist()], k / 40, speed=float(way < 0.0), deviation=0.2)
+        for k, way in enumerate(ways)
+    ]
+    assert known.classify(frames[-1]).tolist() == ["known"]
+    (one,) = followed(frames, known)[-1]
+    assert one.is_detected
+    assert one.is_static
 
 
 def test_objects_at_the_range_of_a_known_echo_may_be_hidden() -> None:
@@ -172,9 +192,22 @@ def test_track_ends_when_its_person_has_left_unseen() -> None:
     assert ids[-1] == [1]
     far = ids_of(np.concatenate([STOP, unseen(40), walk(2.2, -1.0, 60)]))
     assert far[-1] == [0, 1]
+    assert ids_of(np.concatenate([STOP, unseen(40), walk(2.45, -2.0, 2), unseen(10)]))[-1] == [0]  # two false echoes
     before = np.concatenate([walk(3.1, 0.0, 30), walk(3.1, -1.0, 100)])  # stands there when the other comes, and leaves
     two = ids_of(np.concatenate([STOP, unseen(60)]), before)
     assert two[-1] == [0, 1]
+
+
+def test_moving_sensor_holds_a_track_in_the_world_over_lost_frames() -> None:
+    cart = rc.Linear(rc.Pose(), velocity=[0.0, 0.6, 0.0])
+    tracker = rc.Tracker(cart, NEAR_WALL, targets="people", max_gap=0.5)
+    for k, (x, speed) in enumerate(STOP):
+        y = -0.6 * k / 40
+        tracker.update(seen([[x, y]], k / 40, speed=(speed * x - 0.6 * y) / np.hypot(x, y)))
+    for time in (1.8, 1.9, 3.0):
+        (one,) = tracker.update(seen([], time))
+    assert one.position == pytest.approx([3.35, 0.0, 0.0], abs=0.1)
+    assert np.linalg.norm(one.motion) < 1e-9
 
 
 def test_held_track_ends_where_it_would_be_seen() -> None:
@@ -195,7 +228,11 @@ def test_held_track_ends_where_it_would_be_seen() -> None:
 
 
 def test_person_who_walks_out_of_view_along_a_wall_is_not_held() -> None:
-    frames = [seen([[1.0 + k / 40, 0.0]] if k < 90 else [], k / 40, speed=1.0) for k in range(120)]
+    echo = [3.4, 0.3]  # of the wall, beside the path
+    frames = [
+        seen([echo, [1.0 + k / 40, 0.0]][: 1 + (k < 90)], k / 40, speed=np.array([0.0, 1.0])[: 1 + (k < 90)])
+        for k in range(140)
+    ]
     known = StaticMap.of([rc.Body(rc.shapes.plate(6.0, 3.0), motion=rc.Pose([3.0, 0.4, 0.0], TURNED))])
     states = followed(frames, known)
     assert not states[-1]

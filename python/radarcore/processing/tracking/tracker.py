@@ -204,8 +204,8 @@ class Tracker:
     static_map : StaticMap, optional
         Known surfaces in that world, for ``targets="people"``. Static detections elsewhere then begin tracks: of people
         who stand still, and of unknown objects. The track of a person who stops near a surface is held at its place
-        without detections, until a track begins within 1 m of it and moves farther away. Without elevations all places
-        are at the height of the sensor: a map of what stands there, or a learnt one, suits such a radar.
+        without detections, until a track begins within 1 m of it and moves farther away. Places without an elevation
+        are at the height of the sensor.
     **settings
         Those of `TrackerSettings`.
 
