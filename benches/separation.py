@@ -34,19 +34,18 @@ A UR10 swings the radar on its flange by +-15 degrees in a room with a table. So
 {num_seeds} persons each, {num_frames} frames at 40 Hz, with the settings above and
 `static_map=StaticMap.of([room, table])`. Written by `python benches/separation.py --write`.
 
-A frame counts as detected if a detection is within 0.5 m of the trunk, and as tracked if a confirmed track is, both
-seen from above. SNR: of the strongest cell of the person, mean of the channels. In brackets: 95 % intervals.
+Detected, tracked: a detection, a confirmed track within 0.5 m of the trunk, seen from above. SNR: of the strongest cell
+of the person, mean of the channels. In brackets: 95 % intervals.
 
 {by_range}
 
 {by_snr}
 
-Of what stands in front of the radar for 6 s, `rc.processing.breathing` at the place of the track says:
+`rc.processing.breathing` at the place of the track, after 6 s:
 
 {breathing}
 
-A false track is farther than 0.5 m from the person. The truth of distances is between the surfaces of person and arm,
-seen from above.
+A false track is farther than 0.5 m from the person. Distances are between the surfaces, seen from above.
 
 {tracks}
 
