@@ -71,6 +71,12 @@ def test_moving_sensor_classifies_in_the_world() -> None:
         assert known.classify(seen([[5.0, 0.0]], speed=-0.19, deviation=deviation), aside).tolist() == [expected]
 
 
+def test_wall_beyond_the_velocity_ambiguity_begins_no_track() -> None:
+    cart = rc.Linear(rc.Pose(), velocity=[0.8, 0.0, 0.0])
+    tracker = rc.Tracker(cart, StaticMap.of([WALL]), targets="people", velocity_ambiguity=1.0)
+    assert tracker.update(seen([[5.0, 0.0]], speed=0.2)) == []  # -0.8 m/s and a period
+
+
 def test_learnt_map_knows_what_stood_there() -> None:
     cart = rc.Linear(rc.Pose(), velocity=[0.0, 0.5, 0.0])
     frames = [seen([[3.0, 0.0], [5.0, 1.0 - 0.5 * k / 40]], k / 40) for k in range(20)]  # the first one moves along
