@@ -1,4 +1,4 @@
-"""Patterns of antenna arrays: what transmitters, receivers and both together send and receive over direction."""
+"""Patterns of antenna arrays: gain of the transmitters, the receivers and both together over direction."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class ArrayPattern:
     azimuth, elevation : float64
         Angles [rad], broadcast together.
     transmit_db : float64
-        Power sent into a direction over that of an isotropic antenna fed with the same power in all [dBi].
+        Transmitted power over an isotropic antenna with the same total power [dBi].
     receive_db : float64
-        Power over noise of the weighted sum of the receivers over that of one isotropic receiver [dBi].
+        SNR of the weighted sum of the receivers over the SNR of one isotropic receiver [dBi].
 
     See Also
     --------
@@ -58,7 +58,7 @@ class ArrayPattern:
 
     @property
     def two_way_db(self) -> NDArray[np.float64]:
-        """Gain of an echo [dB]: sum of the other two."""
+        """Two-way gain of an echo [dB]: sum of both."""
         return self.transmit_db + self.receive_db
 
 
@@ -75,8 +75,8 @@ def array_pattern(
 ) -> ArrayPattern:
     """Gain over direction of all transmitters together, of all receivers together, and of both.
 
-    Of N equal elements, equally weighted, the gain is N times that of one element in the direction steered to.
-    The echoes of channels recorded one by one follow the two-way pattern when they are added with the same weights.
+    N equal elements with equal weights have N times the gain of one element in the steered direction. Channels that
+    are recorded separately follow the two-way pattern if they are added with the same weights.
 
     Parameters
     ----------
@@ -85,11 +85,11 @@ def array_pattern(
     azimuth, elevation : array_like
         Angles [rad], positive to the left and up, broadcast together.
     steer : float or (float, float), optional
-        Azimuth, or azimuth and elevation, where waves add up [rad]; on top of the weights and windows.
+        Azimuth, or azimuth and elevation, where waves add up [rad]; applied in addition to weights and windows.
     tx_weights, rx_weights : (element,) array_like of complex, optional
         Default: 1.
     tx_window, rx_window : str, tuple or None
-        Weights of elements in a uniform row, as `scipy.signal.get_window` names them (symmetric), such as "taylor" or
+        Symmetric window over the elements of a uniform row, as `scipy.signal.get_window` names it, such as "taylor" or
         ``("chebwin", 40)``: lower side lobes and a wider main lobe.
 
     Returns
@@ -99,12 +99,12 @@ def array_pattern(
     Raises
     ------
     ValueError, TypeError
-        For weights of other shapes or all zero, and for windows over elements that are no uniform row.
+        For weights of other shapes or all zero, and for windows over elements that do not form a uniform row.
 
     See Also
     --------
     processing.steering_weights : Weights that add an echo in phase.
-    plot.array_pattern : Picture of it.
+    plot.array_pattern : Plots it.
 
     Examples
     --------

@@ -19,14 +19,14 @@ _Matrices = NDArray[np.complex128]
 _Powers = NDArray[np.float64]
 
 _BEAMS_PER_ELEMENT = 64
-"""FFT beams between which power is taken as straight: at a peak wrong by ``(2 pi / 64)^2 / 48``, 2e-4."""
+"""FFT beams per element; linear interpolation of power between them errs at a peak by ``(2 pi / 64)^2 / 48`` = 2e-4."""
 
 _LEAST_EIGENVALUE = 1e-14
-"""Eigenvalues below this part of the largest are rounding."""
+"""Eigenvalues below this part of the largest are rounding errors."""
 
 
 def bartlett(covariances: _Matrices, steering: _Matrices) -> _Powers:
-    """``a^H R a / N^2``: the power of one channel if all of it comes from there, (..., angle).
+    """``a^H R a / N^2``: power per channel of a single wave from each direction, (..., angle).
 
     Parameters
     ----------
@@ -38,15 +38,15 @@ def bartlett(covariances: _Matrices, steering: _Matrices) -> _Powers:
 
 
 def capon(covariances: _Matrices, steering: _Matrices, loading: float) -> _Powers:
-    """``1 / (a^H R^-1 a)``: the least power that weights which pass a wave from there can leave, (..., angle).
+    """``1 / (a^H R^-1 a)``: least output power of weights that pass a wave from each direction, (..., angle).
 
-    R has `loading` times its mean diagonal added to the diagonal: few chirps, or a direction between those of the
-    steering vectors, would make it take a wave for interference. Capon, High-resolution frequency-wavenumber spectrum
-    analysis, Proceedings of the IEEE 57, 1969.
+    Diagonal loading adds `loading` times the mean diagonal of R. Without it, few chirps or a direction between two
+    steering vectors would let the beamformer suppress the wave as interference. Capon, High-resolution
+    frequency-wavenumber spectrum analysis, Proceedings of the IEEE 57, 1969.
     """
     number = covariances.shape[-1]
     level = np.trace(covariances, axis1=-2, axis2=-1).real / number
-    level = np.where(level > 0.0, level, 1.0)[..., None, None]  # silence stays silence
+    level = np.where(level > 0.0, level, 1.0)[..., None, None]  # zero power stays zero
     loaded: _Matrices = covariances / level
     loaded[..., range(number), range(number)] += loading
     least = np.linalg.inv(loaded).astype(np.complex128, copy=False)
@@ -57,10 +57,10 @@ def capon(covariances: _Matrices, steering: _Matrices, loading: float) -> _Power
 
 
 def music(covariances: _Matrices, steering: _Matrices, num_sources: int | None, num_snapshots: int) -> _Powers:
-    """``N / (a^H E E^H a)``, E the eigenvectors of noise: 1 and above, no power, (..., angle).
+    """MUSIC spectrum ``N / (a^H E E^H a)``, E the noise eigenvectors: dimensionless, at least 1, (..., angle).
 
     Schmidt, Multiple emitter location and signal parameter estimation, IEEE Transactions on Antennas and Propagation
-    34, 1986. Without a number of sources it is that of the shortest description of the eigenvalues, at each range.
+    34, 1986. The default number of sources is the minimum description length of the eigenvalues, at each range.
     """
     finite = np.isfinite(np.sum(covariances, axis=(-2, -1), keepdims=True))
     values, vectors = np.linalg.eigh(np.where(finite, covariances, 0.0))
@@ -74,10 +74,10 @@ def music(covariances: _Matrices, steering: _Matrices, num_sources: int | None, 
 
 
 def shortest_description(values: NDArray[np.float64], num_snapshots: int) -> NDArray[np.intp]:
-    """Number of sources (...,) from increasing eigenvalues (..., N) of a covariance of so many snapshots.
+    """Number of sources (...,) from the increasing eigenvalues (..., N) of a covariance over `num_snapshots`.
 
     Minimum description length: Wax, Kailath, Detection of signals by information theoretic criteria, IEEE Transactions
-    on Acoustics, Speech, and Signal Processing 33, 1985. At most N - 1; none where all eigenvalues are zero.
+    on Acoustics, Speech, and Signal Processing 33, 1985. At most N - 1; 0 where all eigenvalues are zero.
     """
     number = values.shape[-1]
     largest = values[..., -1:]
@@ -106,7 +106,7 @@ def fft_beams(
     """
     in_row = covariances[..., order[:, None], order]
     number = len(order)
-    # The power of beams is the transform of the covariance between elements so many steps apart.
+    # The power of the beams is the transform of the covariance over the distance between elements (in steps).
     lags = np.stack([np.trace(in_row, offset=-k, axis1=-2, axis2=-1) for k in range(number)], axis=-1)
     num_beams = 1 << (_BEAMS_PER_ELEMENT * number - 1).bit_length()
     beams = np.fft.irfft(lags, num_beams, norm="forward") / number**2
@@ -138,16 +138,16 @@ def range_covariances(
     channel_phase: ArrayLike | None,
     bins: slice = slice(None),
 ) -> NDArray[np.complex128]:
-    """Mean over the chirps of the channels times their conjugates, (..., range, channel, channel).
+    """Covariance of the channels over the chirps, (..., range, channel, channel).
 
-    Where transmitters take turns, over Doppler cells, each with the movement between the turns taken off; scaled so
-    that the mean over chirps of what is constant in power comes out.
+    In time-division multiplex the mean is over Doppler cells instead, after correction of each cell's phase for the
+    motion between transmitters. The scale is the same: for constant power the result equals the mean over chirps.
 
     Parameters
     ----------
     samples : (..., channel, chirp, sample) array
     bins : slice
-        Range bins wanted.
+        Range bins to compute.
     """
     # Check all arguments before any work.
     wf = radar.waveform
@@ -171,12 +171,12 @@ def range_covariances(
 
 
 def smoothed(covariances: NDArray[np.complex128], order: NDArray[np.intp], length: int) -> NDArray[np.complex128]:
-    """Mean over the subarrays of a uniform row, forwards and backwards, (..., length, length).
+    """Forward-backward spatial smoothing: mean over the subarrays of a uniform row, (..., length, length).
 
-    Echoes of one range that do not change over the chirps are copies of each other to the covariance, one source of
-    a shape that no direction has. Shifted along the row their phases change, each in its own way, and so they become
-    several (Shan, Wax, Kailath, On spatial smoothing for direction-of-arrival estimation of coherent signals, IEEE
-    Transactions on Acoustics, Speech, and Signal Processing 33, 1985; backwards too: Pillai, Kwon, 37, 1989).
+    Static echoes at one range are coherent: their covariance has rank one, and its eigenvector is no steering vector.
+    Along the row the relative phases of these echoes change, so the mean over shifted subarrays restores the rank
+    (Shan, Wax, Kailath, On spatial smoothing for direction-of-arrival estimation of coherent signals, IEEE
+    Transactions on Acoustics, Speech, and Signal Processing 33, 1985; forward-backward: Pillai, Kwon, 37, 1989).
     """
     in_row = covariances[..., order[:, None], order]
     starts = range(len(order) - length + 1)

@@ -1,4 +1,4 @@
-"""Directions of detections: the plane wave that fits the channels of a cell best, or the two that do."""
+"""Directions of detections: the best fit of one or two plane waves to the channels of a cell."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _CHANCE = 0.01
 """Largest probability that noise makes a single target appear as several."""
 
 _UNEQUAL = 0.005
-"""Share of the power that waves may leave unexplained: receiver gains differ by some tenths of a dB."""
+"""Share of the power that a fit may leave as residual, because receiver gains differ by some tenths of a dB."""
 
 _LOW_RESIDUAL = 0.25
-"""Probability that interference of a power leaves less than the residual found: that power counts as noise."""
+"""Probability that interference leaves a smaller residual than measured; this sets the power that counts as noise."""
 
 _FAR = 1e6
 """Distance of a plane wave [m]."""
 
 _TINY = 1e-16
-"""Least cosine, or its square, at the horizon: about that of the number next to pi / 2."""
+"""Smallest cosine, or squared cosine, at the horizon, about cos(pi / 2) in double precision."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -36,7 +36,7 @@ _Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Directions of detections; NaN for what the array cannot tell.
+    """Directions of detections; NaN for unobservable angles.
 
     Attributes
     ----------
@@ -46,18 +46,18 @@ class Directions:
         Cramer-Rao bound of azimuth and elevation [rad^2]; NaN without an SNR. If `is_resolved` is False, it is the
         bound with a second wave, or the residual of the single wave counts as noise.
     is_resolved : (detection,) bool
-        False if a single target does not explain the channels, as for two targets in one cell: the unexplained power
-        exceeds the noise (in one of a hundred single targets by chance) and 0.5 %. True without an SNR.
+        False if a single target does not explain the channels, as for two targets in one cell: the residual power
+        exceeds the noise (false alarms in 1 % of single targets) and 0.5 %. True without an SNR.
     ambiguous_beyond : float
-        Angle from the front [rad]. A target beyond it has the same phases as a direction nearer to the front, which is
-        returned. pi / 2 for an array without ambiguity.
+        Largest unambiguous angle from the front [rad]. A target farther out has the same phases as a direction nearer
+        to the front, which is returned. pi / 2 for an array without ambiguity.
     alternatives : (detection, alternative, 2) float64
-        Azimuth and elevation [rad] of all other directions with the same phases, by their angle from the front; NaN
-        where there are fewer. No columns for an array without ambiguity.
+        Azimuth and elevation [rad] of all other directions with the same phases, by their angle from the front; padded
+        with NaN. No columns for an array without ambiguity.
 
     See Also
     --------
-    directions : Makes them.
+    directions : Makes one.
 
     Examples
     --------
@@ -90,32 +90,31 @@ def directions(
     """Direction of the strongest wave in the channels of every detection.
 
     The maximum of ``abs(a^H s)`` over directions to the front, a the steering vector of `Radar.virtual_array` and s
-    the snapshot: the estimate of maximum likelihood for one target in white noise. An array without an extent along y
-    tells no azimuth, one without an extent along z no elevation, and its targets count as being at elevation 0
-    (azimuth 0). An array along an oblique line tells neither. Where antennas are so far apart that several directions
-    give the same phases (above half a wavelength between channels), the one nearest to the front is taken, see
-    `Directions.alternatives`. With an array that is not flat (an extent along x), directions more than 70 degrees from
-    the front may be missed.
+    the snapshot: the maximum-likelihood estimate for one target in white noise. An array without extent along y
+    measures no azimuth, an array without extent along z no elevation; targets are then assumed at elevation 0
+    (azimuth 0). An array along an oblique line measures neither. With more than half a wavelength between channels,
+    several directions may give the same phases: the direction nearest to the front is returned, see
+    `Directions.alternatives`. With an extent along x, directions more than 70 degrees from the front may be missed.
 
-    If one wave does not explain the channels and the array has four places along an axis, two plane waves are fitted,
-    and the stronger one is returned where both together fit significantly better.
+    If one wave does not explain the channels and the array has four places along an axis, two plane waves are fitted.
+    If both together fit significantly better, the stronger one is returned.
 
     Parameters
     ----------
     snapshots : (detection, channel) array_like of complex
-        Cells of ``range_doppler(...)``, all channels; NaN where they are NaN, infinite or zero.
+        Cells of ``range_doppler(...)``, all channels. NaN, infinite or zero snapshots give NaN.
     radar : Radar
     velocity : (detection,) array_like, optional
-        Range rate [m/s], receding positive. In time-division multiplex a moving target turns the phase of channels
-        whose chirps come later (`Radar.channel_offsets`); that is taken off. None, NaN: nothing is taken off.
+        Range rate [m/s], receding positive. In time-division multiplex, motion rotates the phase of channels with later
+        chirps (`Radar.channel_offsets`); the velocity corrects this. None, NaN: no correction.
     snr_db : (detection,) array_like, optional
         Power over the noise in the cell of one channel [dB], for `Directions.covariance` and `is_resolved`.
     range : (detection,) array_like, optional
         Distance from the centre of the array [m] for a spherical wave. None, NaN: a plane wave, which errs by 0.4
         degrees at 0.3 m with a BGT60.
     channel_phase : (channel,) array_like, optional
-        Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
-        Default: the channels are multiplied by `Radar.channel_corrections`.
+        Phase errors of the channels to subtract [rad], such as line lengths, measured on a target in front. Default:
+        multiply the channels by `Radar.channel_corrections`.
 
     Returns
     -------
@@ -124,7 +123,7 @@ def directions(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the radar, and for what are no numbers.
+        For shapes that do not fit the radar, and for other values than numbers.
 
     Warns
     -----
@@ -155,7 +154,7 @@ def directions(
 
 
 def require_two_directions(radar: Radar, max_directions: int) -> None:
-    """Refuse more than two directions per cell, and two with an array that cannot separate them."""
+    """Raise ValueError for more than two directions per cell, or for two if the array cannot separate them."""
     if max_directions > 2:
         raise ValueError(f"max_directions: expected 1 or 2, got {max_directions}")
     array = array_of(radar)
@@ -167,7 +166,7 @@ def require_two_directions(radar: Radar, max_directions: int) -> None:
 
 
 class Waves(NamedTuple):
-    """Directions of waves, a wave per snapshot and after them the second ones of some, and to which each belongs."""
+    """Directions of waves: one wave per snapshot, then the second waves of some snapshots."""
 
     directions: Directions
     snapshot: NDArray[np.intp]
@@ -185,7 +184,7 @@ def waves_of(
     channel_phase: ArrayLike | None = None,
     max_directions: int = 1,
 ) -> Waves:
-    """`directions` of snapshots (detection, channel) without checks, up to two of each."""
+    """`directions` of snapshots (detection, channel) without checks, up to two per snapshot."""
     array = array_of(radar)
     found = _Fitted.none(len(values))
     size = np.abs(values).max(axis=1, initial=0.0)
@@ -200,17 +199,17 @@ def waves_of(
             f"{np.rad2deg(array.ambiguous_beyond):.0f} deg from the front"
         )
 
-    # Take off what is not direction.
+    # Correct phases that do not depend on direction.
     corrections = channel_corrections(radar, velocity, channel_phase)
     waves = values[known] / size[known, None] * (corrections if corrections.ndim == 1 else corrections[known])
 
-    # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
+    # Closed form if one direction aligns the phases of all channels; otherwise, or beyond the horizon, by search.
     sines = aligned(waves, array)
     lost = ~(np.vecdot(sines, sines) <= 1.0)
     if lost.any():
         sines[lost] = searched(waves[lost], array)
 
-    # Near targets have spherical waves.
+    # Waves of near targets are spherical.
     sines, missing = _core.fit_spheres(
         waves,
         np.ascontiguousarray(sines),
@@ -225,7 +224,7 @@ def waves_of(
     if snr is None:
         return found.waves(array)
 
-    # Power that one wave does not explain, over the noise, and whether that is more than noise.
+    # Residual power of one wave, relative to the noise, and its significance.
     power = len(array.x) * (snr[known] + 1.0)
     residual = missing * power
     is_several = _is_unexplained(residual, power, array, 1)
@@ -238,7 +237,7 @@ def waves_of(
     if not (has_several and array.separates_waves):
         return found.waves(array)
 
-    # Two waves where they explain significantly more, by the likelihood ratio at the same noise.
+    # Two waves if they explain significantly more, by the likelihood ratio at the same noise.
     several = np.flatnonzero(is_several)
     noise = np.square(np.abs(waves[several])).sum(axis=1) / power[several]
     plane = waves[several]
@@ -264,7 +263,7 @@ def waves_of(
 
 
 class _Fitted(NamedTuple):
-    """Waves by their sines (wave, 2), the covariance of these, and the other columns of `Waves`."""
+    """Sines of waves (wave, 2), their covariance, and the other columns of `Waves`."""
 
     sines: _Reals
     covariance: _Reals
@@ -274,13 +273,13 @@ class _Fitted(NamedTuple):
 
     @classmethod
     def none(cls, number: int) -> _Fitted:
-        """A wave per snapshot, with nothing known."""
+        """One wave per snapshot, all unknown."""
         sines, covariance = np.full((number, 2), np.nan), np.full((number, 2, 2), np.nan)
         return cls(sines, covariance, np.ones(number, dtype=bool), np.ones(number), np.arange(number))
 
     def waves(self, array: Array) -> Waves:
         """Directions of the waves."""
-        candidates = self.sines[:, None] + array.ambiguities  # all with the same phases, its own first
+        candidates = self.sines[:, None] + array.ambiguities  # all with the same phases, the fitted one first
         square = np.vecdot(candidates, candidates)
         square[:, 0] = -1.0
         candidates[~(square <= 1.0)] = np.nan
@@ -300,7 +299,7 @@ class _Fitted(NamedTuple):
 
 
 def _angles(array: Array, sines: _Reals) -> tuple[_Reals, _Reals]:
-    """Azimuth and elevation of sines (..., 2); NaN for what the array cannot tell."""
+    """Azimuth and elevation of sines (..., 2); NaN for unobservable angles."""
     y, z = sines[..., 0], sines[..., 1]
     nothing = np.full(y.shape, np.nan)
     return (
@@ -310,19 +309,19 @@ def _angles(array: Array, sines: _Reals) -> tuple[_Reals, _Reals]:
 
 
 def _interference(residual: _Reals, array: Array, num_waves: int) -> _Reals:
-    """Power of noise [noise of a channel] that leaves more than the residual with the probability 3/4, at least 1."""
+    """Noise power [noise of a channel] that leaves a larger residual with the probability 3/4; at least 1."""
     return np.maximum(residual / _residual_quantile(array.num_freedoms(num_waves), _LOW_RESIDUAL), 1.0)
 
 
 def _is_unexplained(residual: _Reals, power: _Reals, array: Array, num_waves: int) -> NDArray[np.bool_]:
-    """True where a residual of waves [noise of a channel] is more than noise leaves, and than unequal receivers."""
+    """True where the residual [noise of a channel] exceeds the effects of noise and of unequal receivers."""
     largest = _residual_quantile(array.num_freedoms(num_waves), 1.0 - _CHANCE)
     return (residual > largest) & (residual > _UNEQUAL * power)
 
 
 @lru_cache(maxsize=16)
 def _residual_quantile(num_freedoms: int, probability: float) -> float:
-    """Quantile of the power of complex noise of unit power in `num_freedoms` real numbers."""
+    """Quantile of the power of unit complex noise with `num_freedoms` real degrees of freedom."""
     from scipy.special import gammaincinv  # here: importing radarcore imports numpy and nothing heavier
 
     return float(gammaincinv(0.5 * num_freedoms, probability))
@@ -333,13 +332,13 @@ def _snapshots(values: ArrayLike, num_channels: int) -> _Complexes:
 
 
 def _per_detection(name: str, values: ArrayLike | None, number: int) -> _Reals | None:
-    """One number per detection, NaN among them."""
+    """One number per detection, NaN allowed."""
     return None if values is None else check.numbers(name, values, (number,))
 
 
 def _of_angles(array: Array, sines: _Reals, covariance: _Reals) -> _Reals:
-    """Covariance of azimuth and elevation by the covariance of the sines (detection, 2, 2)."""
-    # Angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el). At the horizon, steep.
+    """Covariance of azimuth and elevation from the covariance of the sines (detection, 2, 2)."""
+    # Derivatives of angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el).
     y, z = sines.T
     square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
     by_sines = np.zeros((len(sines), 2, 2))

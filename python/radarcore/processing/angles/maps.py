@@ -20,10 +20,10 @@ from radarcore.radar.waveform import require_range
 METHODS = ("bartlett", "capon", "music", "fft")
 
 _FRONT = np.deg2rad(np.arange(-90.0, 90.5))
-"""Angles of the front half, one degree apart [rad]."""
+"""Angles of the front half in steps of one degree [rad]."""
 
 _BLOCK = 2**20
-"""Numbers of the largest intermediate array worked on at a time, 16 MB."""
+"""Elements of the largest intermediate array, 16 MB."""
 
 
 def range_angle(
@@ -42,15 +42,15 @@ def range_angle(
 ) -> NDArray[Any]:
     """Power over range and angle, from the covariance of the channels over the chirps of a frame.
 
-    With the true positions of the channels (`Radar.virtual_array`). Where transmitters take turns
-    (`Radar.channel_offsets`), the covariance is that of the Doppler cells, after the phase by which a target with the
-    velocity of the cell moves between turns is taken off; velocities are taken as within ``waveform.max_velocity``.
+    Uses the true positions of the channels (`Radar.virtual_array`). In time-division multiplex
+    (`Radar.channel_offsets`) the covariance is taken over Doppler cells. The phase of each cell is corrected for motion
+    between transmitters, assuming velocities within ``waveform.max_velocity``.
 
-    "bartlett" adds the channels in phase. "capon" weights them so that other directions are rejected, and "music"
-    looks for directions that are orthogonal to the noise: both part targets within a beam width. Targets at rest in
-    one range bin do not change against each other over the chirps; "capon" and "music" part them where the channels
-    are a uniform row, which is cut into shifted subarrays of three quarters of its length for that. Other arrays part
-    targets of different velocity, or range bin, alone. "fft" is "bartlett" of a uniform row by a Fourier transform.
+    "bartlett" adds the channels in phase. "capon" weights them to reject other directions, and "music" finds directions
+    orthogonal to the noise subspace; both separate targets within a beam width. Targets at rest in one range bin are
+    coherent. "capon" and "music" separate them with a uniform row of channels, by spatial smoothing over subarrays of
+    three quarters of its length. Other arrays separate only targets of different velocity or range bin. "fft" is
+    "bartlett" of a uniform row by a Fourier transform.
 
     Parameters
     ----------
@@ -60,40 +60,40 @@ def range_angle(
         Of a cube; a frame or recording has its own.
     method : "bartlett", "capon", "music" or "fft"
     azimuth, elevation : (angle,) array_like or float
-        Angles [rad], positive to the left and up, broadcast together; default: azimuth from -90 to 90 degrees, one
-        degree apart.
+        Angles [rad], positive to the left and up, broadcast together; default: azimuth from -90 to 90 degrees in steps
+        of one degree.
     num_sources : int, optional
         Echoes per range bin, for "music"; default: estimated at each range from the eigenvalues of the covariance
         (minimum description length), none in bins of noise.
     loading : float
-        For "capon": part of the mean power of the channels that is added to each of them.
+        For "capon": diagonal loading, relative to the mean power of the channels.
     window, doppler_window : str, tuple or None
-        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic); that over slow time only
-        where transmitters take turns.
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). The window over slow time
+        applies only in time-division multiplex.
     num_range_bins : int, optional
         Length n of the range transform, zero-padded; default: `num_samples`.
     channel_phase : (channel,) array_like, optional
-        Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
-        Default: the channels are multiplied by `Radar.channel_corrections`.
+        Phase errors of the channels to subtract [rad], such as line lengths, measured on a target in front. Default:
+        multiply the channels by `Radar.channel_corrections`.
 
     Returns
     -------
     power : (..., range, angle) float32 or float64
-        At the first of ``waveform.range_axis(n)``: ``n // 2 + 1`` from real samples, n from I/Q. Power of one channel,
-        ``abs(range_profile(...))**2``, mean over chirps, of an echo from there; for "music" a figure without unit, 1
-        and above, whose peaks are sharp and no measure of power.
+        At the first of ``waveform.range_axis(n)``: ``n // 2 + 1`` from real samples, n from I/Q. Power per channel of
+        an echo from each angle, ``abs(range_profile(...))**2``, mean over chirps. "music" gives a dimensionless
+        spectrum of at least 1, whose sharp peaks do not measure power.
 
     Raises
     ------
     ValueError, TypeError
-        As `range_doppler`; for angles that do not broadcast to one axis, for "fft" with channels that are no uniform
-        row, and for as many sources as channels of a subarray, or more.
+        As `range_doppler`; for angles that do not broadcast to one axis, for "fft" with channels that do not form a
+        uniform row, and for `num_sources` not below the number of channels of a subarray.
 
     See Also
     --------
     processing.azimuth_elevation : Both angles in one range bin.
     detect : Angles of single targets.
-    plot.range_angle_map : Picture of it.
+    plot.range_angle_map : Plots it.
 
     Examples
     --------
@@ -131,14 +131,14 @@ def azimuth_elevation(
     num_range_bins: int | None = None,
     channel_phase: ArrayLike | None = None,
 ) -> NDArray[Any]:
-    """Power over azimuth and elevation in the range bin nearest to a range; the other parameters as in `range_angle`.
+    """Power over azimuth and elevation in the range bin nearest to `at_range`; other parameters as in `range_angle`.
 
     Parameters
     ----------
     at_range : float
         Range [m].
     azimuth, elevation : (azimuth,) and (elevation,) array_like, optional
-        Angles [rad], positive to the left and up; default: from -90 to 90 degrees, one degree apart.
+        Angles [rad], positive to the left and up; default: from -90 to 90 degrees in steps of one degree.
 
     Returns
     -------
@@ -192,7 +192,7 @@ def _maps(
 ) -> NDArray[Any]:
     """Power (..., range, angle) of some range bins; `settings` of `range_covariances`.
 
-    Frames in turn, ranges in blocks: no array of all frames but the result.
+    Works frame by frame and in blocks of ranges, so that only the result holds all frames.
     """
     num_ranges, num_angles = shape
     block = max(1, _BLOCK // (radar.num_channels * max(1, num_angles)))
@@ -217,13 +217,13 @@ def _checked(cube: Samples, radar: Radar | None) -> tuple[NDArray[Any], Radar]:
 def _beamformer(
     method: str, radar: Radar, directions: NDArray[np.float64], num_sources: int | None, loading: float
 ) -> Beamformer:
-    """The method as a function of covariances alone, all its arguments checked."""
+    """The method as a function of covariances, with its other arguments checked and bound."""
     check.choice("method", method, METHODS)
     positions, wavelength = radar.virtual_array, radar.waveform.wavelength
     part = check.positive("loading", loading)
     row = uniform_row(positions)
 
-    # Capon and MUSIC of a uniform row see its subarrays.
+    # Capon and MUSIC use subarrays of a uniform row.
     chosen, length = np.arange(len(positions)), len(positions)
     if row is not None and method in ("capon", "music"):
         chosen, length = row[0], length - length // 4

@@ -1,4 +1,4 @@
-"""Two waves in the channels of one cell: their directions of maximum likelihood, and the test that shows them."""
+"""Two waves in the channels of one cell: maximum-likelihood directions, their covariance and the residual."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from radarcore.processing.angles.plane_wave import Array, blocks_of, nearest_to_
 from radarcore.products import product
 
 _NUM_STEPS = 12
-"""Most steps of scoring."""
+"""Largest number of scoring steps."""
 
 _SMALL_STEP = 1e-6
-"""Steps below this [grid points] are the last."""
+"""Iteration stops after a step below this [grid points]."""
 
 _LEAST_APART = 0.02
-"""Power of a wave that another one does not explain, over its own: less is no other direction."""
+"""Least share of a wave's power outside of the other wave; below, both directions count as one."""
 
 _REGULAR = 1e-9
-"""Least eigenvalue, over the number of channels, of matrices that are inverted."""
+"""Least eigenvalue of inverted matrices, relative to the number of channels."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -37,9 +37,9 @@ class Pairs(NamedTuple):
 
 
 def pairs_of(waves: _Complexes, array: Array, first: _Reals) -> Pairs:
-    """Two plane waves that fit the channels (cell, channel) best, from the direction of the single best wave (cell, 2).
+    """Best fit of two plane waves to the channels (cell, channel), from the direction `first` of the single best wave.
 
-    The second direction starts where most is left beside the first one. Fisher's scoring then moves both, with the
+    The second direction starts at the largest residual. Fisher's scoring then moves both directions, with the
     amplitudes eliminated. The inverse of its matrix is the Cramer-Rao bound (Stoica and Nehorai, MUSIC, maximum
     likelihood, and Cramer-Rao bound, 1989, eq. 4.1).
     """
@@ -60,7 +60,7 @@ def pairs_of(waves: _Complexes, array: Array, first: _Reals) -> Pairs:
 
 
 def _beside(waves: _Complexes, array: Array, known: _Reals) -> _Reals:
-    """The grid's sines of the wave that explains most beside one in a known direction, (cell, 2)."""
+    """Grid sines of the second wave that explains most of the residual of a wave in a known direction, (cell, 2)."""
     number = len(array.x)
     wave = np.exp(-1j * array.phases(known))
     unexplained = waves - wave * (np.vecdot(wave, waves) / number)[:, None]
@@ -77,14 +77,14 @@ def _beside(waves: _Complexes, array: Array, known: _Reals) -> _Reals:
 
 
 def _linearised(waves: _Complexes, array: Array, sines: _Reals) -> tuple[_Reals, _Reals, _Reals, _Reals]:
-    """Matrix (cell, 4, 4) and right side (cell, 4) of the step of both sines, powers (cell, 2), residual (cell,)."""
+    """Information matrix (cell, 4, 4), score (cell, 4), powers (cell, 2) and residual (cell,) of both waves."""
     number = len(array.x)
     both = np.exp(-1j * array.phases(sines)).mT  # (cell, channel, wave)
     gram = both.conj().mT @ both + _REGULAR * number * np.eye(2)
     amplitude = np.linalg.solve(gram, both.conj().mT @ waves[..., None])
     residual = waves - (both @ amplitude)[..., 0]
 
-    # Derivatives by the sines, without what other amplitudes explain.
+    # Derivatives by the sines, projected orthogonally to the amplitudes.
     slopes = np.broadcast_to(array.slopes(sines), (*sines.shape[:2], number, 2)).swapaxes(1, 2)
     slopes = (-1j * slopes * (both * amplitude.mT)[..., None]).reshape(*waves.shape, 4)
     slopes = slopes - both @ np.linalg.solve(gram, both.conj().mT @ slopes)

@@ -1,4 +1,4 @@
-"""The plane wave that fits the channels of a cell best: phases of an array, and the search of the direction."""
+"""Best fit of a plane wave to the channels of a cell: phases of an array, and the search of the direction."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 _SHORTEST_EXTENT = 1e-3
-"""Extent of an array [wavelengths] below which it tells no angle: fractions of a degree of phase."""
+"""Smallest extent of an array that measures an angle [wavelengths]; below, phases are fractions of a degree."""
 
 _CELLS_PER_LOBE = 4
-"""Grid points per ``wavelength / extent``: the highest is within an eighth of the peak, where power is concave."""
+"""Grid points per ``wavelength / extent``: the highest lies within an eighth of a lobe from the peak, where power is
+concave."""
 
 _FINER = 4
-"""Times as many for an array with an extent along x, whose lobes are narrow in sines far from the front."""
+"""Factor of more grid points for an array with an extent along x: its lobes are narrow in sines far from the front."""
 
 _NUM_STEPS = 10
-"""Most steps of scoring from the grid, an eighth of a lobe off at most; four are usual."""
+"""Largest number of scoring steps from the grid, which errs by at most an eighth of a lobe; four are usual."""
 
 _SMALL_STEP = 1e-8
-"""Steps below this [grid points] are the last."""
+"""Iteration stops after a step below this [grid points]."""
 
 _AMBIGUOUS = 0.99
-"""Power of a grating lobe over the main lobe; above it noise decides between them."""
+"""Power of a grating lobe over the main lobe; above it, noise decides between them."""
 
 PLACES_OF_TWO = 4
-"""Least number of channels at different places along an axis whose residual shows whether two waves fit."""
+"""Least number of channels at different places along an axis for a test of two waves by the residual."""
 
 _BLOCK = 2**20
-"""Numbers of an array worked on at a time, 16 MB."""
+"""Elements of the largest intermediate array, 16 MB."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -42,13 +43,13 @@ _Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Array:
-    """Positions in phase per sine: a wave with sines (u_y, u_z) has the phase ``-(x u_x + y u_y + z u_z)``."""
+    """Positions in units of phase per sine: a wave with sines (u_y, u_z) has the phase ``-(x u_x + y u_y + z u_z)``."""
 
     x: _Reals  # (channel,) [rad]
     across: _Reals  # (channel, 2), along y and z; zero along unobservable axes
     observable: tuple[bool, bool]
     antennas: _Reals
-    """Transmitters, if they have channels of their own, and receivers, (antenna, 3), from the array's centre [m]."""
+    """Transmitters, if each has its own channels, and receivers, (antenna, 3), from the array's centre [m]."""
     num_rx: int
     wavenumber: float
     """[rad/m]."""
@@ -57,7 +58,7 @@ class Array:
 
     @cached_property
     def channels(self) -> _Reals:
-        """Positions in phase along x, y and z, (channel, 3)."""
+        """Positions in units of phase along x, y and z, (channel, 3)."""
         return np.column_stack([self.x, self.across])
 
     @cached_property
@@ -77,7 +78,7 @@ class Array:
 
     @cached_property
     def num_places(self) -> tuple[int, int]:
-        """Different places of channels along y and z, one where directions are not observable."""
+        """Number of different places of channels along y and z, 1 along unobservable axes."""
         places = np.round(self.across / (2.0 * np.pi * _SHORTEST_EXTENT))
         return len(np.unique(places[:, 0])), len(np.unique(places[:, 1]))
 
@@ -106,25 +107,25 @@ class Array:
 
     @cached_property
     def front(self) -> _Reals:
-        """The grid that is searched.
+        """Search grid.
 
-        It reaches beyond the horizon: what is near to that on one side may have its highest grid point on the other.
+        It extends past the horizon: a target near the horizon may have its highest grid point on the other side.
         """
         return self.grid(1.0 if self.x.any() else 1.0 + float(self.step.max()))
 
     @cached_property
     def aligning(self) -> tuple[_Reals, _Reals] | None:
-        """Sines by the phases over the first channel (channel - 1, 2), and what differences of whole turns add to them.
+        """Matrix from phases relative to the first channel to sines (channel - 1, 2), and shifts by whole turns.
 
-        For a flat array with one channel more than it has observable sines: some direction then brings all channels in
-        phase, which is the largest power possible. None for other arrays.
+        For a flat array with one channel more than observable sines: one direction then aligns the phases of all
+        channels, which gives the largest possible power. None for other arrays.
         """
         axes = np.flatnonzero(self.observable)
         if self.x.any() or len(axes) == 0 or len(self.across) != len(axes) + 1:
             return None
         undone = np.zeros((len(axes), 2))
         undone[:, axes] = -np.linalg.inv(self.across[1:, axes] - self.across[0, axes]).T
-        # All that lead from within half a turn in every channel to a direction, by a little more than can be needed.
+        # All shifts from within half a turn in every channel to a direction, with a small margin.
         reach = 1.01 + float(np.pi * np.linalg.norm(undone, axis=1).sum())
         most = np.ceil(reach * np.linalg.norm(np.diff(self.across, axis=0), axis=1).sum() / (2.0 * np.pi))
         turns = np.stack(np.meshgrid(*len(axes) * [np.arange(-most, most + 1)]), axis=-1).reshape(-1, len(axes))
@@ -132,18 +133,18 @@ class Array:
         return undone, shifts[np.square(shifts).sum(axis=1) <= reach**2]
 
     def forward(self, sines: _Reals) -> _Reals:
-        """The direction's part along x."""
+        """Component of the direction along x."""
         y, z = sines[..., 0], sines[..., 1]
         forward: _Reals = np.sqrt(np.maximum(1.0 - y * y - z * z, 0.0))
         return forward
 
     def phases(self, sines: _Reals) -> _Reals:
-        """Phases that undo the phases of a wave, (..., channel)."""
+        """Phases that compensate the phases of a wave, (..., channel)."""
         phases: _Reals = product(sines, self.across.T)
         return phases + self.forward(sines)[..., None] * self.x if self.x.any() else phases
 
     def curvature(self, sines: _Reals, distance: _Reals) -> _Reals:
-        """Phases of spherical waves from `distance` (cell,) [m] over plane ones of the same sines, (cell, channel)."""
+        """Phases of spherical waves from `distance` (cell,) [m] minus plane waves of equal sines, (cell, channel)."""
         toward = np.column_stack([self.forward(sines), sines])
         farther = np.linalg.norm(distance[:, None, None] * toward[:, None] - self.antennas, axis=2) - distance[:, None]
         of_tx, of_rx = farther[:, : -self.num_rx], farther[:, -self.num_rx :]
@@ -155,7 +156,7 @@ class Array:
         """Derivatives of the phases by both sines about their mean, (..., channel, 2); of a flat array (channel, 2)."""
         if not self.x.any():
             return self.across
-        tangent = sines / np.maximum(self.forward(sines), 1e-3)[..., None]  # steep at the rim, but a number
+        tangent = sines / np.maximum(self.forward(sines), 1e-3)[..., None]  # finite at the rim
         slopes = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.observable)
         about_mean: _Reals = slopes - slopes.mean(axis=-2, keepdims=True)
         return about_mean
@@ -166,14 +167,14 @@ class Array:
         return self.inverse_information(self.across)
 
     def inverse_information(self, slopes: _Reals) -> _Reals:
-        """Covariance of both sines times twice the SNR, ([...,] 2, 2), by `slopes`; 1 for an unobservable one."""
+        """Covariance of both sines times twice the SNR, ([...,] 2, 2), from `slopes`; 1 for an unobservable sine."""
         information = slopes.mT @ slopes + np.diag(~np.array(self.observable))
         return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 @lru_cache(maxsize=16)
 def array_of(radar: Radar) -> Array:
-    """The channels of a radar."""
+    """Array of a radar's channels."""
     positions = radar.virtual_array / radar.waveform.wavelength
     along, across = (
         2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
@@ -195,28 +196,28 @@ def array_of(radar: Radar) -> Array:
 
 
 def aligned(waves: _Complexes, array: Array) -> _Reals:
-    """Sines nearest to the front in which all channels add up in phase, (detection, 2); NaN where there are none."""
+    """Sines nearest to the front that align the phases of all channels, (detection, 2); NaN where there are none."""
     if array.aligning is None:
         return np.full((len(waves), 2), np.nan)
     undone, shifts = array.aligning
     over_first = waves[:, 1:] * waves[:, :1].conj()
     sines = nearest_to_front(np.arctan2(over_first.imag, over_first.real) @ undone, shifts)
     if not over_first.all():
-        sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
+        sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power has no phase
     return sines
 
 
 def searched(waves: _Complexes, array: Array) -> _Reals:
-    """Sines of the highest point of a grid, of its peak, and of the equally high peak that is nearest to the front."""
+    """Sines of the highest peak, from the highest grid point; of equally high peaks, the nearest to the front."""
     sines = _refined(waves, array, _highest(waves, array))
     sines = within(nearest_to_front(sines, array.ambiguities), 1.0)
     return _refined(waves, array, sines, largest=1.0)
 
 
 def blocks_of(array: Array, num_waves: int) -> Iterator[tuple[_Reals, _Complexes]]:
-    """Parts of the grid in front, (cell, 2), and the factors that undo the phases of waves from there, (channel, cell).
+    """Blocks of the front grid, (cell, 2), and the factors that compensate phases of waves from there, (channel, cell).
 
-    `num_waves`: cells whose powers at all of the part's directions are in memory at a time.
+    The block size keeps the powers of `num_waves` waves in all directions of a block in memory.
     """
     size = max(1, _BLOCK // max(num_waves, len(array.x)))
     for k in range(0, len(array.front), size):
@@ -225,7 +226,7 @@ def blocks_of(array: Array, num_waves: int) -> Iterator[tuple[_Reals, _Complexes
 
 
 def _highest(waves: _Complexes, array: Array) -> _Reals:
-    """The grid's sines of most power, (detection, 2)."""
+    """Grid sines of the largest power, (detection, 2)."""
     highest, largest = np.zeros((len(waves), 2)), np.full(len(waves), -1.0)
     for cells, undone in blocks_of(array, len(waves)):
         power = np.abs(product(waves, undone))
@@ -237,9 +238,9 @@ def _highest(waves: _Complexes, array: Array) -> _Reals:
 
 
 def _refined(waves: _Complexes, array: Array, sines: _Reals, *, largest: float = np.inf) -> _Reals:
-    """Sines of the peak of power by Fisher's scoring from nearby, (detection, 2), at most `largest` in length."""
+    """Sines of the power's peak by Fisher's scoring from nearby sines, (detection, 2), at most `largest` in length."""
     for _ in range(_NUM_STEPS):
-        # Power |b|^2; b is the sum of the channels with the wave's phases undone.
+        # Power |b|^2; b is the sum of the channels after phase compensation.
         terms = waves * np.exp(1j * array.phases(sines))
         total = terms.sum(axis=1, keepdims=True)
         slopes = array.slopes(sines)
@@ -263,7 +264,7 @@ def within(sines: _Reals, largest: float) -> _Reals:
 def _ambiguities(array: Array) -> _Reals:
     """Differences of sines that give the same phases in all channels, (difference, 2), zero first.
 
-    Of arrays across x; with an extent along x, phases of different directions are never quite the same.
+    Only for flat arrays; with an extent along x, different directions never have exactly the same phases.
     """
     none = np.zeros((1, 2))
     if array.x.any() or not any(array.observable):
@@ -279,13 +280,13 @@ def _ambiguities(array: Array) -> _Reals:
 
 
 def _common_power(array: Array, differences: _Reals) -> _Reals:
-    """Power of a beam over that in its middle at such a difference of sines, (difference,)."""
+    """Power of a beam at a difference of sines, relative to its middle, (difference,)."""
     power: _Reals = np.abs(np.exp(1j * array.phases(differences)).mean(axis=-1)) ** 2
     return power
 
 
 def nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
-    """Of the directions that give the same phases, the one nearest to the front, (..., 2)."""
+    """Direction nearest to the front among all directions with the same phases, (..., 2)."""
     candidates = sines[..., None, :] + ambiguities
     which = np.vecdot(candidates, candidates).argmin(axis=-1)
     nearest: _Reals = sines + ambiguities[which]

@@ -1,4 +1,4 @@
-"""Steering vectors: the phases that a plane wave has in the channels of an array, and the weights that undo them."""
+"""Steering vectors: phases of a plane wave in the channels of an array, and the weights that align them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 _UNEQUAL = 1e-3
-"""Steps between elements that differ by less than this part of their mean are equal: rounded positions."""
+"""Steps between elements are equal if they differ by less than this part of their mean (rounded positions)."""
 
 
 def steering_vectors(
     positions: NDArray[np.float64], wavelength: float, directions: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Beat signal of a plane wave from unit vectors (..., 3) at positions (channel, 3) [m], (..., channel).
+    """Beat signal of plane waves from directions (..., 3) at positions (channel, 3) [m], (..., channel).
 
-    ``exp(-2 pi j position . direction / wavelength)``: an antenna nearer to the target has less delay, and the phase
-    of the beat signal grows with delay.
+    ``exp(-2 pi j position . direction / wavelength)``: an antenna nearer to the target has less delay, and the beat
+    phase grows with delay.
     """
     turns = product(directions, positions.T) / wavelength
     vectors: NDArray[np.complex128] = np.exp(-2j * np.pi * turns)
@@ -30,19 +30,19 @@ def steering_vectors(
 def steering_weights(
     positions: ArrayLike, wavelength: float, azimuth: ArrayLike, elevation: ArrayLike = 0.0
 ) -> NDArray[np.complex128]:
-    """Weights of modulus 1 that steer an array: ``sum(weights * channels)`` adds an echo from there in phase.
+    """Weights of modulus 1 that steer an array: ``sum(weights * channels)`` adds echoes from a direction in phase.
 
-    They multiply beat signals. A phase shifter in front of an antenna turns the wave itself by the opposite phase, as
-    the beat signal is the transmitted signal times the conjugate of the received one.
+    The weights multiply beat signals. A phase shifter in front of an antenna rotates the wave and needs the opposite
+    phase, because the beat signal is the transmitted signal times the conjugate received signal.
 
     Parameters
     ----------
     positions : (element, 3) array_like
-        Of transmitters, of receivers or of channels (`Radar.virtual_array`) in the sensor frame [m].
+        Transmitters, receivers or channels (`Radar.virtual_array`) in the sensor frame [m].
     wavelength : float
         [m], as `Waveform.wavelength`.
     azimuth, elevation : array_like
-        Where to steer to [rad], positive to the left and up, broadcast together.
+        Steering angles [rad], positive to the left and up, broadcast together.
 
     Returns
     -------
@@ -50,9 +50,9 @@ def steering_weights(
 
     See Also
     --------
-    array_pattern : Gain of an array that is steered.
+    array_pattern : Gain of a steered array.
     directions : Directions of echoes.
-    Schedule.steered : Beams that are sent.
+    Schedule.steered : Steered transmit beams.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def uniform_row(positions: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArr
 
 
 def checked_angles(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Finite angles [rad] that broadcast together; degrees are warned of."""
+    """Finite angles [rad] that broadcast together; warns if they look like degrees."""
     az, el = (
         check.radians(name, check.array(name, value, (None,) * np.ndim(value)))
         for name, value in (("azimuth", azimuth), ("elevation", elevation))
@@ -99,11 +99,10 @@ def checked_angles(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np
 def channel_corrections(
     radar: Radar, velocity: ArrayLike | None, channel_phase: ArrayLike | None
 ) -> NDArray[np.complex128]:
-    """Factors that take off what is not direction, (..., channel), or (channel,) where they are the same for all.
+    """Factors that correct the channels for everything except direction, (..., channel) or (channel,).
 
-    What a target at `velocity` (...,) [m/s], receding positive, adds in channels whose chirps come later, and the
-    phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_corrections`. A velocity of NaN, or
-    none, takes nothing off.
+    They undo the phase of a target with `velocity` (...,) [m/s], receding positive, in channels with later chirps, and
+    `channel_phase` (channel,) [rad], by default `Radar.channel_corrections`. NaN or None: no velocity correction.
     """
     factors: NDArray[np.complex128] = radar.channel_corrections
     if channel_phase is not None:
