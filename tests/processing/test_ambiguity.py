@@ -59,7 +59,7 @@ def test_bands_without_a_gap_tell_no_transmitters(turns: list[float] | None) -> 
     num_tx = 3 if turns is None else len(turns)
     radar = array(rc.Schedule.ddm(turns), tx=[[0.0, HALF * i, 0.0] for i in range(num_tx)])
     assert radar.max_velocity == pytest.approx(LIMIT / num_tx)
-    with pytest.raises(ValueError, match="turns that leave a band empty"):
+    with pytest.raises(ValueError, match="if the turns leave a band empty"):
         rc.detect(frame_of(radar, 0.0))
 
 

@@ -1,4 +1,4 @@
-"""Velocities beyond the limit of the chirps: which whole period of Doppler explains a frame, with probabilities."""
+"""Velocities above the unambiguous limit: probabilities of the Doppler periods that explain a frame."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _Reals = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class VelocityHypotheses:
-    """Velocities that detections may have, whole periods apart; NaN for hypotheses beyond the largest velocity.
+    """Possible velocities of detections, in steps of whole periods; NaN for hypotheses above the largest velocity.
 
     Attributes
     ----------
     detections : Detections
-        As given.
+        The detections given.
     velocity, range, azimuth, elevation : (detection, hypothesis) float64
         Coordinates under each hypothesis [m/s, m, rad].
     probability : (detection, hypothesis) float64
@@ -81,16 +81,16 @@ class VelocityHypotheses:
 def velocity_hypotheses(
     frame: Frame | ArrayLike, detections: Detections, radar: Radar | None = None, *, max_velocity: float
 ) -> VelocityHypotheses:
-    """Velocities up to a limit that detections may have, and the probability of each.
+    """Possible velocities of detections up to a limit, and their probabilities.
 
-    A velocity is measured up to whole periods of ``2 Waveform.max_velocity``. Each hypothesis is compared with the
-    samples by its likelihood: the power of one plane wave in all channels at that range and velocity. Two effects
-    discriminate. Within a frame the target moves by ``wavelength / 2`` per chirp and period, so its beat frequency
-    drifts. In time-division multiplex the channels of later transmitters turn by another phase, which fits a plane wave
-    in few hypotheses alone. If neither is larger than the noise, the probabilities are equal.
+    A velocity is measured up to whole periods of ``2 Waveform.max_velocity``. The likelihood of each hypothesis is the
+    power of one plane wave in all channels at its range and velocity. Two effects discriminate. Within a frame the
+    target moves by ``wavelength / 2`` per chirp and period, so its beat frequency drifts. In time-division multiplex
+    the phases of later transmitters depend on the velocity, and only few hypotheses fit a plane wave. If both effects
+    are below the noise, the probabilities are equal.
 
-    All hypotheses within `max_velocity` are equally probable beforehand. Power that no hypothesis explains counts as
-    noise. Targets that share a cell are not separated.
+    All hypotheses within `max_velocity` have equal prior probability. Residual power counts as noise. Targets in the
+    same cell are not separated.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def velocity_hypotheses(
     ------
     ValueError, TypeError
         For shapes that do not fit the radar, chirps at unequal intervals, a CW radar, and transmitters in
-        Doppler-division multiplex, whose empty bands tell the velocity.
+        Doppler-division multiplex, whose empty bands resolve the ambiguity.
 
     See Also
     --------
@@ -138,7 +138,7 @@ def velocity_hypotheses(
     lengths = {"num_channels": radar.num_channels, "num_chirps": wf.num_chirps, "num_samples": wf.num_samples}
     samples = check.finite("frame", checked_samples(cube, "(channel, chirp, sample)", num_dimensions=3, **lengths))
 
-    # Whole periods of Doppler about the measured velocity. The range follows, as the beat frequency is what was seen.
+    # Whole Doppler periods around the measured velocity. The range changes too, because the beat frequency is fixed.
     layout = layout_of(radar, "hann", "hann", False, np.iscomplexobj(samples))
     by_doppler = layout.coordinates.slopes()[:, 1] / wf.chirp_interval
     most = int(np.ceil((limit + wf.max_velocity) / by_doppler[1]))
@@ -153,7 +153,7 @@ def velocity_hypotheses(
     rows, columns = np.nonzero(is_possible)
     far, speed = distance[rows, columns], velocity[rows, columns]
 
-    # Amplitude of every channel at every hypothesis, and the part of it that is one wave.
+    # Amplitude of every channel for every hypothesis, and its projection onto one wave.
     amplitude = _amplitudes(samples, radar, layout, far, speed)
     seen = waves_of(amplitude, radar, speed, None, far).directions
     undone = steering_weights(
@@ -165,7 +165,7 @@ def velocity_hypotheses(
     found["wave"][rows, columns] = np.square(np.abs((channels * undone).mean(axis=1)))
     found["azimuth"][rows, columns], found["elevation"][rows, columns] = seen.azimuth, seen.elevation
 
-    # Likelihoods, with the noise of the detection, or with what the best hypothesis leaves if that is more.
+    # Likelihoods with the noise of the detection, or with the residual of the best hypothesis if that is larger.
     num_channels = radar.num_channels
     power, wave = (np.where(is_possible, found[name], 0.0) for name in ("power", "wave"))
     best = wave.argmax(axis=1) if wave.size else np.zeros(len(wave), dtype=int)
@@ -184,7 +184,7 @@ def velocity_hypotheses(
 def _amplitudes(
     samples: NDArray[Any], radar: Radar, layout: Layout, distance: _Reals, velocity: _Reals
 ) -> NDArray[np.complex128]:
-    """Windowed sum of the samples without the phase of a target, (hypothesis, channel); eq. (1) of docs/theory.md."""
+    """Windowed sum of the samples after phase compensation, (hypothesis, channel); eq. (1) of docs/theory.md."""
     wf, window = radar.waveform, np.outer(layout.slow, layout.fast)
     windowed = (samples * window).reshape(len(samples), -1)
     ramp = wf.sample_times

@@ -1,22 +1,22 @@
-"""Cramér-Rao bounds of range and velocity for every way to measure velocity.
+"""Cramér-Rao bounds of range and velocity for every velocity estimator.
 
-A phase that is known up to a constant, ``psi(theta) + const``, tells of its parameters by how far their gradients
-vary over the samples: with the centred gradients c, white noise and a signal-to-noise ratio per sample `snr`, the
-covariance of an unbiased estimate is at least
+The phase is known up to a constant, ``psi(theta) + const``. With the centred gradients c of psi, white noise and a
+signal-to-noise ratio per sample `snr`, the covariance of an unbiased estimate is at least
 
     ``inv(num_channels * kappa * snr * sum(c c^T))``,  kappa = 2 for I/Q samples, 1 for real ones
 
-(Rife, Boorstyn, Single-Tone Parameter Estimation from Discrete-Time Observations, IEEE Trans. IT 1974). Estimates by
-least squares with the weights w of a window have ``inv(sum(w c c^T)) sum(w^2 c c^T) inv(sum(w c c^T))`` in its place.
+(Rife, Boorstyn, Single-Tone Parameter Estimation from Discrete-Time Observations, IEEE Trans. IT 1974). For least
+squares with the weights w of a window, ``inv(sum(w c c^T)) sum(w^2 c c^T) inv(sum(w c c^T))`` replaces
+``inv(sum(c c^T))``.
 
-For M chirps of N samples on K channels, with the variance of fast time ``var(t) = (N^2 - 1) / (12 fs^2)``, that of slow
-time ``var(T)`` and the carrier f in the middle of the chirp, the velocity's variance is
-``(c / 4 pi)^2 / (K kappa snr N M info)``, and
+Consider M chirps of N samples on K channels, with the carrier f in the middle of the chirp. The variances of fast and
+slow time are ``var(t) = (N^2 - 1) / (12 fs^2)`` and ``var(T)``. The variance of the velocity is
+``(c / 4 pi)^2 / (K kappa snr N M info)`` with
 
     ``info = f^2 var(T) + slope^2 var(t) var(T) + slope^2 var(t^2)``:
 
-Doppler from chirp to chirp, migration of the range from chirp to chirp, and change of the frequency within a chirp.
-`doppler_bound` uses all three, and the first contributes most; `chirp_rate_bound` uses the last one.
+Doppler phase from chirp to chirp, range migration from chirp to chirp, and change of the frequency within a chirp.
+`doppler_bound` uses all three terms; the first is the largest. `chirp_rate_bound` uses only the last.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class CramerRaoBound:
     Attributes
     ----------
     range : (...) float64
-        Of the range at the middle of the frame [m].
+        For the range at the middle of the frame [m].
     velocity : (...) float64
-        Of the range rate [m/s].
+        For the range rate [m/s].
 
     See Also
     --------
@@ -69,21 +69,21 @@ def doppler_bound(
     window: Window = None,
     doppler_window: Window = None,
 ) -> CramerRaoBound:
-    """Bound of what all samples of a frame tell of one target: that of `doppler_velocity`.
+    """Bound for one target from all samples of a frame, which `doppler_velocity` reaches.
 
     Parameters
     ----------
     waveform : Waveform
         With a ramp and at least two chirps.
     snr_db : array_like
-        Power of the echo over that of the noise, per sample [dB].
+        Signal-to-noise ratio of the echo per sample [dB].
     is_real : bool
         Real samples: 3 dB worse than I/Q samples of the same ratio.
     num_channels : int
-        Channels that share range and velocity, each with its own amplitude and phase.
+        Channels with common range and velocity, each with its own amplitude and phase.
     window, doppler_window : str, tuple or None
-        Windows of the estimate over fast and slow time: the bound is the deviation with them. Default: none, as in
-        `doppler_velocity`: the most accurate for a single echo in noise.
+        Windows of the estimate over fast and slow time, which the bound includes. Default: none, as in
+        `doppler_velocity`, which is the most accurate for a single echo in noise.
 
     Returns
     -------
@@ -91,8 +91,8 @@ def doppler_bound(
 
     See Also
     --------
-    doppler_velocity : The estimate that it bounds.
-    processing.chirp_rate_bound : Without Doppler's ambiguity.
+    doppler_velocity : The corresponding estimate.
+    processing.chirp_rate_bound : Without Doppler ambiguity.
 
     Examples
     --------
@@ -120,32 +120,32 @@ def up_down_bound(
     num_channels: int = 1,
     window: Window = None,
 ) -> CramerRaoBound:
-    """Bound from the beat frequencies of an up- and a down-chirp, or of several of each: that of `up_down_velocity`.
+    """Bound of `up_down_velocity` from the beat frequencies of one or several up- and down-chirps.
 
-    For one pair of chirps of opposite slopes sent at once, ``std(velocity) = sqrt(2) c / (4 f) std(frequency)`` and
+    For one pair of simultaneous chirps of opposite slopes, ``std(velocity) = sqrt(2) c / (4 f) std(frequency)`` and
     ``std(range) = sqrt(2) c / (4 slope) std(frequency)``.
 
     Parameters
     ----------
     up, down : Waveform
-        Of slopes that differ in sign.
+        Slopes of opposite sign.
     snr_db : array_like
-        Power of the echo over that of the noise, per sample [dB].
+        Signal-to-noise ratio of the echo per sample [dB].
     down_delay : float, optional
-        From the start of the frame `up` to that of `down` [s]; default: ``up.frame_interval``, or 0 where their first
-        chirps come at different times after it, as those of sub-sequences of one frame do.
+        Time from the start of frame `up` to the start of frame `down` [s]. Default: ``up.frame_interval``, or 0 if
+        their first chirps have different offsets, as in sub-sequences of one frame.
     is_real, num_channels, window
         As in `doppler_bound`; a Hann window makes the bound 1.53 times larger. Default: none, the most accurate.
 
     Returns
     -------
     bound : CramerRaoBound
-        Range at the middle between the middles of both frames.
+        Range at the mean of both frames' middles.
 
     See Also
     --------
-    up_down_velocity : The estimate that it bounds.
-    doppler_bound : Of many chirps of one slope.
+    up_down_velocity : The corresponding estimate.
+    doppler_bound : For many chirps of one slope.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def chirp_rate_bound(
     num_channels: int = 1,
     window: Window = None,
 ) -> CramerRaoBound:
-    """Bound from the frequency's change within the chirps alone: that of `chirp_rate_velocity`.
+    """Bound of `chirp_rate_velocity`, from the change of the frequency within the chirps alone.
 
     For one chirp of I/Q samples
     ``std(velocity) = c / (4 abs(slope)) sqrt(90 / (pi^2 snr N (N^2 - 1) (N^2 - 4))) sample_rate^2``.
@@ -179,18 +179,18 @@ def chirp_rate_bound(
     waveform : Waveform
         With a ramp of at least three samples.
     snr_db : array_like
-        Power of the echo over that of the noise, per sample [dB].
+        Signal-to-noise ratio of the echo per sample [dB].
     is_real, num_channels, window
         As in `doppler_bound`; a Hann window makes the bound 1.53 times larger. Default: none, the most accurate.
 
     Returns
     -------
     bound : CramerRaoBound
-        The range suffers from the velocity: ``velocity * f / slope`` is taken off the beat frequency's.
+        The range includes the error of the velocity, because the estimate subtracts ``velocity * f / slope``.
 
     See Also
     --------
-    chirp_rate_velocity : The estimate that it bounds.
+    chirp_rate_velocity : The corresponding estimate.
     doppler_bound : From the phase over all chirps.
 
     Examples
@@ -237,9 +237,9 @@ def beat_times(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def beat_carrier(waveform: Waveform) -> float:
-    """Frequency f in the mean of all chirps' beat frequencies, ``2/c (slope range + f velocity)`` [Hz].
+    """Frequency f in the mean beat frequency of all chirps, ``2/c (slope range + f velocity)`` [Hz].
 
-    The range is that at the middle of the frame: what the target has moved until the mean of the chirps is in f.
+    The range refers to the middle of the frame; f includes the motion from there to the mean chirp.
     """
     return carrier(waveform) + waveform.slope * float(times_from_middle(waveform)[0].mean())
 
@@ -247,7 +247,7 @@ def beat_carrier(waveform: Waveform) -> float:
 def range_and_velocity_gradients(waveform: Waveform) -> NDArray[np.float64]:
     """Derivatives of eq. (1)'s phase by range at the middle of the frame and by velocity, (2, chirp, sample) [rad].
 
-    The delay within ``slope * delay**2 / 2`` counts a millionth of the carrier and is left out.
+    Neglects ``slope * delay**2 / 2``, a millionth of the carrier's phase.
     """
     slow, fast = times_from_middle(waveform)
     by_range = 4.0 * np.pi / SPEED_OF_LIGHT * (carrier(waveform) + waveform.slope * fast) + 0.0 * slow
@@ -257,14 +257,14 @@ def range_and_velocity_gradients(waveform: Waveform) -> NDArray[np.float64]:
 def beat_gradients(waveform: Waveform) -> NDArray[np.float64]:
     """Derivatives of a chirp's phase by the mean beat frequency [Hz] and its changes [Hz/s].
 
-    (3, chirp, sample) [rad]: by the frequency, by its change from chirp to chirp, by that within a chirp.
+    (3, chirp, sample) [rad]: by the frequency, its change from chirp to chirp, and its change within a chirp.
     """
     slow, fast = beat_times(waveform)
     return 2.0 * np.pi * np.stack([fast + 0.0 * slow, slow * fast, 0.5 * fast**2 + 0.0 * slow])
 
 
 def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) -> NDArray[np.float64]:
-    """Beat frequencies (up, down) of a unit of range (first column) and of velocity (second), (2, 2)."""
+    """Beat frequencies (up, down) per unit of range (first column) and of velocity (second), (2, 2)."""
     for name, wf in (("up", up), ("down", down)):
         require_range(wf)
         if wf.num_samples < 2:
@@ -284,7 +284,7 @@ def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) ->
 
 
 def _beat_covariance(waveform: Waveform, window: Window) -> NDArray[np.float64]:
-    """Covariance of the beat frequency and its observable changes, at unit information; inf for others."""
+    """Covariance of the beat frequency and its changes at unit information; inf for unobservable ones."""
     observable = np.flatnonzero([True, waveform.num_chirps > 1, waveform.num_samples > 2])
     covariance = np.full((3, 3), np.inf)
     gradients = beat_gradients(waveform)[observable]
@@ -296,10 +296,10 @@ def _beat_covariance(waveform: Waveform, window: Window) -> NDArray[np.float64]:
 def _covariance(
     gradients: NDArray[np.float64], weights: NDArray[np.float64], *, per_chirp: bool
 ) -> NDArray[np.float64]:
-    """Covariance of parameters (p, p) at unit information per sample, from (p, chirp, sample) and (chirp, sample)."""
-    axes = (-1,) if per_chirp else (-2, -1)  # what has one phase
+    """Covariance of parameters (p, p) at unit information per sample, from gradients (p, chirp, sample)."""
+    axes = (-1,) if per_chirp else (-2, -1)  # samples with a common phase
     mean = (weights * gradients).sum(axis=axes, keepdims=True) / weights.sum(axis=axes, keepdims=True)
-    # Of like size, so that the matrices can be inverted: frequencies and their changes differ by many powers of ten.
+    # Scaled for well-conditioned matrices: frequencies and their changes differ by many powers of ten.
     centred = (gradients - mean).reshape(len(gradients), -1)
     size = np.sqrt((centred**2).mean(axis=1))
     centred /= size[:, None]
@@ -310,13 +310,13 @@ def _covariance(
 
 
 def sample_weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDArray[np.float64]:
-    """Of least squares, (chirp, sample)."""
+    """Weights of least squares, (chirp, sample)."""
     fast = window_weights("window", window, waveform.num_samples)
     return np.outer(window_weights("doppler_window", doppler_window, waveform.num_chirps), fast)
 
 
 def _bound(covariance: NDArray[np.float64], snr_db: ArrayLike, is_real: bool, num_channels: int) -> CramerRaoBound:
-    """Deviations by the covariance at unit information, which is the inverse variance of the phase of a sample."""
+    """Deviations from the covariance at unit information; information is the inverse phase variance of a sample."""
     per_sample = (1.0 if is_real else 2.0) * check.count("num_channels", num_channels)
     information = per_sample * 10.0 ** (0.1 * check.numbers("snr_db", snr_db))
     with np.errstate(divide="ignore"):  # no signal: infinite

@@ -1,4 +1,4 @@
-"""Does somebody breathe at a place? The phase over seconds tells people who stand still from furniture."""
+"""Detection of breathing at a place: the phase over seconds distinguishes standing people from furniture."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ _SHORTEST, _FEWEST = 5.0, 50
 """Shortest time [s], and least number of frames."""
 
 _LEAST_SHARE = 0.5
-"""Share of the echo that moves by itself, of people; of static things it is below."""
+"""Least moving share of a person's echo; static objects are below."""
 
 _LARGEST_ROUGHNESS = 0.75
-"""Mean square of steps from frame to frame over twice the mean square: 1 for noise, small for movements."""
+"""Mean square of the residual's steps over twice its mean square: 1 for noise, small for smooth movements."""
 
 _NEAR = 0.3
-"""The echo is looked for up to this much before and behind the place [m]."""
+"""Search range before and behind the place [m]."""
 
 _DEGREE = 8
-"""Of the polynomial of the sensor's position."""
+"""Degree of the polynomial of the sensor's position."""
 
 _TILTS = np.arange(-32.0, 33.0, 4.0)
-"""Phases at the ends of the sensor's line [rad]: of directions that are wrong by up to 0.07 rad, on 0.4 m."""
+"""Phases at the ends of the sensor's line [rad]: directions may err by up to 0.07 rad on 0.4 m."""
 
 _AT_REST, _OFF_THE_LINE = 1e-4, 2e-3
-"""Root mean square of positions: of a sensor at rest, and beside its line [m]."""
+"""Largest root mean square of positions for a sensor at rest, and perpendicular to its line [m]."""
 
 _NUM_PASSES = 2.0
-"""Times that the sensor travels along its line."""
+"""Least number of passes of the sensor along its line."""
 
 _PADDING = 4
 """Cells per range bin."""
@@ -50,17 +50,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Breathing:
-    """Whether what stands at a place moves by itself, as everybody does who breathes.
+    """Result of a test whether the object at a place moves by itself, as a breathing person does.
 
     Parameters
     ----------
     share : float
-        Power of the echo that the sensor's position does not explain, over all of its power: 0 for static things, near
-        1 for movements of a quarter wavelength or more.
+        Share of the echo's power that the sensor's position does not explain: 0 for static objects, near 1 for
+        movements of a quarter wavelength or more.
     is_breathing : bool or None
-        None where it is not certain.
+        None if uncertain.
     reason : str
-        Of None; else empty.
+        Reason for None, else empty.
 
     See Also
     --------
@@ -78,13 +78,12 @@ class Breathing:
 
 
 def breathing(source: Recording | Iterable[Frame], place: ArrayLike, motion: AnyMotion | None = None) -> Breathing:
-    """Tell whether a person breathes at a place, from the phase over at least 5 s.
+    """Test whether a person breathes at a place, from the phase over at least 5 s.
 
-    The echo of a place is the sum of all samples, multiplied by the conjugate echo of a point there (matched filter).
-    Of a static object it depends on the position of the sensor alone, whatever the object looks like: positions that
-    the sensor passes again give the same echo again. A polynomial along the sensor's line is fitted to the echoes of
-    each channel, and `Breathing.share` is the power of the residual. Breathing and sway move a person by a
-    good part of a wavelength, so that most of the echo is residual.
+    A matched filter for a point at the place gives the echo of every frame. The echo of a static object depends only on
+    the position of the sensor: the same position gives the same echo. A polynomial along the sensor's line is fitted to
+    the echoes of each channel, and `Breathing.share` is the relative power of the residual. Breathing and sway move a
+    person by a considerable part of a wavelength, so most of the echo is residual.
 
     Parameters
     ----------
@@ -92,9 +91,9 @@ def breathing(source: Recording | Iterable[Frame], place: ArrayLike, motion: Any
         At least 5 s and 50 frames in the order of time, at 20 frames per second or more. An iterable may wait for
         frames: each one is used as it comes, while `rc.Live` still has its poses.
     place : (3,) array_like
-        In the world [m], such as ``TrackState.position``; the strongest echo up to 0.3 m before and behind it counts.
+        In the world [m], such as ``TrackState.position``. The strongest echo within 0.3 m in range is used.
     motion : Motion, optional
-        Of the sensor: at rest, or to and fro on one line or arc. Default: at rest, its frame the world.
+        Of the sensor: at rest, or back and forth on one line or arc. Default: at rest at the world frame.
 
     Returns
     -------
@@ -108,7 +107,7 @@ def breathing(source: Recording | Iterable[Frame], place: ArrayLike, motion: Any
     See Also
     --------
     processing.vital_signs : Rates of a person at rest.
-    Tracker : Tracks of people who stand.
+    Tracker : Tracks of standing people.
 
     Examples
     --------
@@ -151,7 +150,7 @@ def breathing(source: Recording | Iterable[Frame], place: ArrayLike, motion: Any
 
 
 def _profile(frame: Frame, place: Array, motions: Motions | None) -> tuple[NDArray[np.complex128], Array]:
-    """Matched samples at ranges about a place (channel, cell), and the position of the sensor (3,) [m]."""
+    """Matched-filter output at ranges around a place (channel, cell), and the position of the sensor (3,) [m]."""
     radar = frame.radar
     require_one_waveform(radar)
     require_transmitters_apart(frame, radar)
@@ -163,7 +162,7 @@ def _profile(frame: Frame, place: Array, motions: Motions | None) -> tuple[NDArr
     away = place - position
     distance = float(np.linalg.norm(away))
     if distance == 0.0:
-        raise ValueError("place: expected a place in front of the sensor, got the sensor's")
+        raise ValueError("place: expected a place in front of the sensor, got the sensor's position")
 
     # Ranges of the place at every sample of every channel, (channel, chirp, sample).
     starts = waveform.chirp_times + radar.channel_offsets[:, None]
@@ -182,9 +181,10 @@ def _profile(frame: Frame, place: Array, motions: Motions | None) -> tuple[NDArr
 
 
 def _basis(positions: Array) -> tuple[Array, NDArray[np.complex128], str]:
-    """Orthonormal functions of the sensor's position (frame, function), and a reason why they do not do.
+    """Orthonormal functions of the sensor's position (frame, function), phases (tilt, frame, 1) and a reason.
 
-    Beside them phases along the line (tilt, frame, 1): the direction of the place is not known exactly.
+    The phases tilt the echo along the line, because the direction of the place is uncertain. The reason says why the
+    positions do not suffice; it is empty if they do.
     """
     about = positions - positions.mean(axis=0)
     along = about @ np.linalg.svd(about, full_matrices=False)[2][0]

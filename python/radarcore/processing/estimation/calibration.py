@@ -20,10 +20,10 @@ from radarcore.recording.recording import Recording
 from radarcore.units import SPEED_OF_LIGHT
 
 _SECOND_DB = 10.0
-"""A second echo near the reflector, weaker than the strongest by less than this, makes the choice uncertain [dB]."""
+"""The choice is uncertain if a second echo near the reflector is less than this below the strongest [dB]."""
 
 _MOST_CLIPPED = 1e-3
-"""Share of samples at the limits of the ADC above which their spectrum is distorted."""
+"""Largest share of samples at the limits of the ADC; above it the spectrum is distorted."""
 
 _LARGEST_COUNT = 2**15 - 1
 """Largest sample of an ADC of 16 bits."""
@@ -44,14 +44,14 @@ class Calibration:
     range_offset : float
         Measured range minus true range [m]. Subtract it from ranges.
     range_deviation : float
-        Standard deviation of `range_offset` by the SNR [m].
+        Standard deviation of `range_offset` from the SNR [m].
     snr_db : (channel,) float64
         Power of the reflector over the noise in a cell of a frame [dB].
     phase_deviation : (channel,) float64
-        Standard deviation of the phase of each weight by the SNR [rad].
+        Standard deviation of the phase of each weight from the SNR [rad].
     residual_phase : (channel,) float64
-        Root mean square over the frames of the phase that the weights leave [rad]; NaN with one frame. A value far
-        above ``phase_deviation * sqrt(frames)`` means that something moved or drifted.
+        Root mean square of the residual phase over the frames [rad]; NaN with one frame. A value far above
+        ``phase_deviation * sqrt(frames)`` indicates motion or drift.
 
     See Also
     --------
@@ -77,23 +77,23 @@ class Calibration:
 def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0.3) -> Calibration:
     """Measure the errors of the channels and of ranges with a reflector at a known position.
 
-    A trihedral corner of 3 to 10 cm, 1 to 5 m away, at least three range bins from other objects, is enough. Neither
-    radar nor reflector may move. The channel k of the echo is ``error_k * ideal_k``. `ideal_k` is the echo of a point
-    at `at`, with the distances to every antenna, so that a near reflector needs no far field. The weights are the
-    inverse of the errors. They contain all errors of the channels, phases of the receivers included, and replace
-    earlier ``Radar.channel_weights``.
+    A suitable reflector is a trihedral corner of 3 to 10 cm, 1 to 5 m away and at least three range bins from other
+    objects. Radar and reflector must be at rest. The echo in channel k is ``error_k * ideal_k``. `ideal_k` is the echo
+    of a point at `at`, with the distances to every antenna, so the reflector may be in the near field. The weights are
+    the inverse errors. They include all errors of the channels, also receiver phases, and replace earlier
+    ``Radar.channel_weights``.
 
-    Several frames are averaged in phase, up to a phase that all channels of a frame share.
+    Several frames are averaged coherently, after removal of the phase common to all channels of a frame.
 
     Parameters
     ----------
     frames : Frame or Recording
-        Raw samples, real or I/Q. The radar needs a ramp and transmitters that are separable.
+        Raw samples, real or I/Q. The radar needs a ramp and separable transmitters.
     at : (3,) array_like
-        Position of the reflector (the apex of a corner) in the sensor frame [m]: x forward, y left, z up, as the
-        antennas are given.
+        Position of the reflector (the apex of a corner) in the sensor frame of the antennas [m]: x forward, y left, z
+        up.
     max_offset : float
-        Largest difference of the measured range from the true one [m].
+        Largest difference between measured and true range [m].
 
     Returns
     -------
@@ -139,7 +139,7 @@ def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0
     if len(recording) == 0:
         raise ValueError("frames: expected at least one frame, got none")
 
-    # The reflector in every frame, and the amplitudes of its channels over the ideal ones.
+    # The reflector in every frame, and its channels' amplitudes relative to the ideal echo.
     limits = max(distance - largest_offset, nearest), distance + largest_offset
     rows, ranges, levels, variances = [], [], [], []
     for frame in recording.frames():
@@ -151,14 +151,14 @@ def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0
         levels.append(found.snr_db[index])
         variances.append(found.covariance[index, 0, 0])
 
-    # Errors that all frames share, up to a factor of each frame: the dominant singular vector.
+    # Errors common to all frames, up to a factor per frame: the dominant singular vector.
     echoes = np.array(rows)
     errors = np.linalg.svd(echoes, full_matrices=False)[2][0]
     errors *= np.exp(-1j * np.angle(errors[0]))
     square = np.square(np.abs(errors))
     weights: _Complexes = np.sqrt(square.mean()) / errors
 
-    # Accuracy: by the SNR, and by the scatter from frame to frame.
+    # Accuracy from the SNR, and from the scatter between frames.
     number = len(echoes)
     snr = np.mean(10.0 ** (0.1 * np.array(levels))) * square / square.mean()
     equal = echoes * weights
@@ -185,7 +185,7 @@ def _ideal_echo(radar: Radar, place: _Reals) -> tuple[_Complexes, float]:
 
 
 def _require_range_of_adc(frame: Frame) -> None:
-    """Refuse a frame whose samples are at the limits of the ADC."""
+    """Raise ValueError if samples of a frame are at the limits of the ADC."""
     if not is_of_adc(frame):
         return
     largest = _LARGEST_COUNT if unit_of(frame) == COUNTS else 1.0
@@ -214,7 +214,7 @@ def _reflector(found: Detections, limits: tuple[float, float], radar: Radar) -> 
 
 
 def _channels(frame: Frame, distance: float, velocity: float) -> _Complexes:
-    """Amplitudes of a tone in the channels, windowed as in all maps, with the movement until each chirp removed."""
+    """Windowed amplitudes of a tone in the channels, compensated for the motion until each chirp."""
     radar = frame.radar
     wf = radar.waveform
     doppler = 2.0 * velocity / wf.wavelength

@@ -18,18 +18,18 @@ from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
 
 _MOST_STEPS = 12
-"""Gauss-Newton steps; four are usual, more where the echo interferes with its mirror image or with other echoes."""
+"""Largest number of Gauss-Newton steps; four are usual, more if the echo interferes with its mirror image or others."""
 
 _SMALL_STEP = 1e-6
-"""Rms change of the phase [rad] after which nothing more is gained: the last step has made less of an error."""
+"""Rms phase change of the last step [rad]; the remaining error is smaller."""
 
 _LARGEST_STEP = 0.7
-"""Rms change of the phase [rad] up to which a step is taken in full: beyond, the phase is not linear enough."""
+"""Largest rms phase change of a step [rad]; longer steps are shortened, because the phase is not linear enough."""
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Phase = Callable[[Array], Array]
-"""Phase (chirp, sample) [rad] of the parameters (p,), of one channel for all or (channel, chirp, sample)."""
+"""Phase [rad] as a function of the parameters (p,): (chirp, sample) for all channels, or (channel, chirp, sample)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class PhaseFit:
     ----------
     parameters : (p,) float64
     power : float
-        Squared magnitude of the amplitude, mean over channels and chirps; with the part of the noise that is in it.
+        Squared magnitude of the amplitude, mean over channels and chirps, including the noise in it.
     num_free : int
-        Amplitudes that were fitted.
+        Number of fitted amplitudes.
     echo : (channel, chirp, sample)
         The fitted samples.
     """
@@ -58,10 +58,10 @@ def fit_phase(
 ) -> PhaseFit:
     """Fit ``amplitude * exp(1j * phase(parameters))``, or its real part to real samples.
 
-    Amplitudes are free, one per channel, or per channel and chirp. From the normal equations of weighted least
-    squares with the amplitudes eliminated (variable projection; Golub, Pereyra, SIAM J. Numer. Anal. 1973). Of real
-    samples, twice the echo is ``a e^{j psi} + conj(a) e^{-j psi}``; the second part, the mirror image, is taken off
-    with the amplitudes of the step before, which ends at the exact least squares of the real samples.
+    Amplitudes are free, one per channel, or per channel and chirp. The fit solves the normal equations of weighted
+    least squares with the amplitudes eliminated (variable projection; Golub, Pereyra, SIAM J. Numer. Anal. 1973). In
+    real samples, twice the echo is ``a e^{j psi} + conj(a) e^{-j psi}``. Each step subtracts the second part, the
+    mirror image, with the previous amplitudes. This converges to the exact least squares of the real samples.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def fit_phase(
     per_chirp : bool
         Amplitudes are free from chirp to chirp.
     """
-    # Centred gradients of a rms of 1 rad, so that parameters of different units can stand in one matrix.
+    # Centred gradients, scaled to an rms of 1 rad: parameters of different units share one matrix.
     axes = (-1,) if per_chirp else (-2, -1)
     mean = (weights * gradients).sum(axis=axes, keepdims=True) / weights.sum(axis=axes, keepdims=True)
     centred = gradients - mean
@@ -84,13 +84,13 @@ def fit_phase(
     weighted = weights * centred
     curvature = np.einsum("pmn,qmn->mpq", weighted, centred)  # (chirp, p, p)
 
-    # Twice the real samples: their echo is then the I/Q one and its conjugate, the mirror image.
+    # Twice the real samples: their echo is then the I/Q echo plus its conjugate, the mirror image.
     is_real = not np.iscomplexobj(samples)
     values = np.moveaxis(samples, 0, 1).astype(np.complex128) * (2.0 if is_real else 1.0)  # (chirp, channel, sample)
     total = weights.sum(axis=1, keepdims=True)
 
     def amplitudes(turn: Complex, before: Complex) -> Complex:
-        """Weighted means (chirp, channel) without the mirror image of the amplitudes before."""
+        """Weighted means (chirp, channel) without the mirror image of the previous amplitudes."""
         turned = weights[:, None] * turn
         sums = np.einsum("mcn,mcn->mc", values, turned)
         if is_real:
@@ -101,7 +101,7 @@ def fit_phase(
     turn = _turn(phase(parameters))
     amplitude = amplitudes(turn, np.zeros(values.shape[:2], np.complex128))
     for _ in range(_MOST_STEPS):
-        # The echo turned to phase 0, times its conjugate amplitude: what varies is the error of the parameters.
+        # The echo rotated to phase 0, times its conjugate amplitude: errors of the parameters make it vary.
         amplitude = amplitudes(turn, amplitude)
         turned = amplitude.conj()[..., None] * turn
         error = (turned * (values - turned if is_real else values)).sum(axis=1).imag
@@ -123,9 +123,9 @@ def fit_phase(
 
 
 def _turn(phase: Array) -> Complex:
-    """``exp(-1j * phase)``, with the chirps in front: (chirp, channel or 1, sample)."""
+    """``exp(-1j * phase)`` with the chirps first: (chirp, channel or 1, sample)."""
     phase = phase[:, None] if phase.ndim == 2 else np.moveaxis(phase, 0, 1)
-    # Modulo one turn the phase fits into float32, whose functions are ten times faster; 1e-7 rad are at -140 dB.
+    # Modulo one turn, float32 suffices and is ten times faster; its error of 1e-7 rad is at -140 dB.
     turns = phase * (0.5 / np.pi)
     reduced = ((turns - np.rint(turns)) * (2.0 * np.pi)).astype(np.float32)
     turn = np.empty(phase.shape, dtype=np.complex128)
@@ -134,7 +134,7 @@ def _turn(phase: Array) -> Complex:
 
 
 _PADDING = 2
-"""Cells per bin; a parabola through three of them ends well within the main lobe."""
+"""Cells per bin; the parabola through three cells then ends well within the main lobe."""
 
 Limits = tuple[float, float]
 
@@ -144,23 +144,23 @@ def search_beat(
 ) -> tuple[float, float, float] | None:
     """Mean beat frequency of the strongest echo [Hz], its changes [Hz/s], or None.
 
-    The changes, from chirp to chirp and within a chirp, are those of one velocity up to `fastest`. Powers of chirps are
-    added along the migration of every velocity, whatever their phases. Limits are of the range that the beat frequency
-    alone tells.
+    Both changes, from chirp to chirp and within a chirp, correspond to one velocity up to `fastest`. The powers of the
+    chirps are added incoherently along the migration of every velocity. Limits apply to the apparent range, without
+    correction for the Doppler shift.
     """
     slow, fast = beat_times(waveform)
     num_bins = _PADDING * waveform.num_samples
     bin_width = waveform.sample_rate / num_bins
     is_iq = np.iscomplexobj(frame)
 
-    # Velocities apart by one cell of migration over the frame, or by one cycle of the phase within a chirp.
+    # The velocity step is one cell of migration over the frame, or one cycle of phase within a chirp.
     per_velocity = 2.0 * abs(waveform.slope) / SPEED_OF_LIGHT  # change of the beat frequency from chirp to chirp
     cells = per_velocity * np.ptp(slow) / bin_width
     cycles = 2.0 * per_velocity * np.ptp(fast) ** 2
     count = int(np.ceil(fastest * max(cells, cycles)))
     velocities = np.linspace(-fastest, fastest, 2 * count + 1) if count > 0 else np.zeros(1)
 
-    # One transform per cycle within a chirp: mostly one in all.
+    # One transform per cycle within a chirp, usually a single one.
     rates = np.round(velocities * cycles) / max(cycles, 1e-300) if fastest * cycles > 0.5 else np.zeros(len(velocities))
     powers_of = {rate: _dechirped_power(frame, waveform, rate, window, num_bins) for rate in set(rates)}
     cell = np.arange(num_bins if is_iq else num_bins // 2 + 1)
@@ -185,19 +185,19 @@ def search_beat(
 def noise_power(frame: NDArray[Any], waveform: Waveform) -> float:
     """Power of the noise per sample, from the median power of the cells of its map (Hann windows).
 
-    Echoes are in a few cells. A few chirps have no window over slow time.
+    Echoes fill only a few cells. Up to three chirps have no window over slow time.
     """
     fast = window_weights("window", "hann", waveform.num_samples)
     slow = window_weights("doppler_window", "hann" if waveform.num_chirps > 3 else None, waveform.num_chirps)
     windowed = frame * both_windows(fast, slow, waveform.num_chirps, frame.real.dtype)
     cells = transformed(windowed, waveform, waveform.num_samples, waveform.num_chirps)
     if not np.iscomplexobj(frame) and cells.shape[-1] > 4:
-        cells = cells[..., 1:-1]  # the first and last cell of real samples are real, or have twice the noise
+        cells = cells[..., 1:-1]  # the first and last cells of real samples are real or have twice the noise
     return noise_level(powers(cells)) / float((fast**2).sum() * (slow**2).sum())
 
 
 def _dechirped_power(frame: NDArray[Any], waveform: Waveform, velocity: float, window: Window, num_bins: int) -> Array:
-    """Power (chirp, cell) over channels, without the change of the frequency within a chirp of a velocity."""
+    """Power (chirp, cell) summed over channels, after compensation of a velocity's chirp rate."""
     fast = beat_times(waveform)[1]
     turn = np.exp(-2j * np.pi * (2.0 * waveform.slope * velocity / SPEED_OF_LIGHT) * fast**2)
     power: Array = powers(fast_spectrum(frame * turn, waveform, window=window, num_bins=num_bins)).sum(axis=0)

@@ -1,4 +1,4 @@
-"""Range and velocity of one echo, measured in three ways, each with its predicted standard deviation."""
+"""Three estimators of range and velocity of one echo, with predicted standard deviations."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from radarcore.units import SPEED_OF_LIGHT, decibels
 Array = NDArray[np.float64]
 
 _ANY_SNR_DB = -1000.0
-"""The strongest echo is measured however weak it is [dB]."""
+"""SNR limit without effect: the strongest echo is always measured [dB]."""
 
 
 def doppler_velocity(
@@ -50,9 +50,9 @@ def doppler_velocity(
 ) -> VelocityEstimate:
     """Range and velocity from the phase over all chirps: the peak of the range-Doppler transform, refined.
 
-    The most accurate way. The strongest local maximum of the transform within the limits is refined by least squares
-    with eq. (1)'s phase at constant velocity, one amplitude per channel: the maximum-likelihood estimate, which reaches
-    `doppler_bound`. Velocities are taken as unambiguous, within ``waveform.max_velocity``.
+    The most accurate estimator. Least squares refines the strongest local maximum of the transform within the limits,
+    with eq. (1)'s phase at constant velocity and one amplitude per channel. This maximum-likelihood estimate reaches
+    `doppler_bound`. Velocities are assumed to be within ``waveform.max_velocity``.
 
     Parameters
     ----------
@@ -63,12 +63,12 @@ def doppler_velocity(
     min_range, max_range, min_velocity, max_velocity : float, optional
         Limits of the search [m], [m/s].
     window, doppler_window : str, tuple or None
-        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, the
-        most accurate for a single echo in noise; a Hann window makes deviations 1.53 times larger but suppresses the
-        sidelobes of other echoes.
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, the most
+        accurate for a single echo in noise. A Hann window increases the deviations 1.53 times but suppresses sidelobes
+        of other echoes.
     noise : float, optional
-        Power of the noise per sample, I and Q together. Default: measured, from the median of the
-        range-Doppler map of what the fitted echo leaves: other echoes, in a few cells, do not count.
+        Power of the noise per sample, I and Q together. Default: measured as the median of the residual's range-Doppler
+        map, which ignores other echoes in a few cells.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def doppler_velocity(
     See Also
     --------
     processing.doppler_bound : Least standard deviation.
-    strongest_peak : Quicker, to some hundredths of a bin.
-    processing.chirp_rate_velocity : Without Doppler's ambiguity.
+    strongest_peak : Faster, accurate to some hundredths of a bin.
+    processing.chirp_rate_velocity : Without Doppler ambiguity.
 
     Examples
     --------
@@ -147,33 +147,34 @@ def up_down_velocity(
 ) -> VelocityEstimate:
     """Range and velocity from the beat frequencies of up- and down-chirps: one pair is enough.
 
-    Range and Doppler shift the beat frequencies of opposite slopes in opposite and in equal directions:
-    ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. What the target moves in between is taken into
-    account. No Doppler ambiguity. A frame of two sub-sequences is a pair: ``up_down_velocity(*frame.sequences())``, see
-    `Waveform.alternating`. With several targets their beat frequencies may be paired wrongly: limit the range.
+    For opposite slopes, the range shifts the beat frequencies in opposite directions and the Doppler shift in the same
+    direction: ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. Motion between both frames is taken
+    into account. There is no Doppler ambiguity. The sub-sequences of a frame may form the pair:
+    ``up_down_velocity(*frame.sequences())``, see `Waveform.alternating`. Several targets can be paired wrongly; limit
+    the range then.
 
     Parameters
     ----------
     up, down : ([frame,] channel, chirp, sample), or Frame or Recording
-        Beat signals of a waveform of positive and of one of negative slope (or the other way round), of one chirp or
-        several; with several, amplitudes of chirps are free and the frequency may move from chirp to chirp.
+        Beat signals of two waveforms with slopes of opposite sign, of one or several chirps. Amplitudes are free per
+        chirp, and the frequency may change from chirp to chirp.
     up_waveform, down_waveform : Waveform or Radar, optional
         Of cubes; frames and recordings have their own.
     down_delay : float, optional
-        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times; for cubes
-        ``up_waveform.frame_interval``, or 0 where the first chirps come at different times, as those of sub-sequences.
+        Time from the start of `up` to the start of `down` [s]. Default: the difference of the frames' times; for cubes
+        ``up_waveform.frame_interval``, or 0 if the first chirps have different offsets (sub-sequences).
     min_range, max_range : float, optional
-        Limits of the search [m], each for the range that a chirp alone tells: ``velocity * f / abs(slope)`` too far for
-        an up-chirp and too near for a down-chirp.
+        Limits of the search [m]. They apply to the apparent range of each chirp, which is ``velocity * f /
+        abs(slope)`` too far for an up-chirp and too near for a down-chirp.
     max_velocity : float
-        Fastest target [m/s]: how far the frequency may move from chirp to chirp.
+        Fastest target [m/s], which limits the change of the frequency from chirp to chirp.
     window, noise
         As in `doppler_velocity`.
 
     Returns
     -------
     estimate : VelocityEstimate
-        The range is that at the middle between the middles of both.
+        Range at the mean of both frames' middles.
 
     Raises
     ------
@@ -243,10 +244,10 @@ def chirp_rate_velocity(
 ) -> VelocityEstimate:
     """Velocity from the change of the beat frequency within the chirps, ``4 slope velocity / c`` [Hz/s].
 
-    The third term of the beat phase, ``2 slope velocity / c t^2`` turns; one chirp is enough, and velocities have no
-    ambiguity. It takes long and wide chirps: the deviation falls as ``1 / (bandwidth * duration)`` of a chirp. The rate
-    is sought by dechirping with those of velocities up to `max_velocity` and fitted by least squares, with an amplitude
-    and phase per channel and chirp; the frequency may move from chirp to chirp, but tells nothing here.
+    Uses the third term of the beat phase, ``2 slope velocity / c t^2`` turns. One chirp is enough, and there is no
+    ambiguity. Chirps must be long and wide: the deviation falls as ``1 / (bandwidth * duration)``. The search dechirps
+    with the rates of velocities up to `max_velocity`. Least squares then fits the rate with an amplitude and phase per
+    channel and chirp. The frequency may change from chirp to chirp; this change is not used.
 
     Parameters
     ----------
@@ -258,7 +259,7 @@ def chirp_rate_velocity(
     Returns
     -------
     estimate : VelocityEstimate
-        The range is corrected by this velocity, whose error shows in it: ``f / slope`` metres per m/s.
+        The range is corrected by this velocity and contains its error, ``f / slope`` metres per m/s.
 
     Raises
     ------
@@ -268,7 +269,7 @@ def chirp_rate_velocity(
     See Also
     --------
     chirp_rate_bound : Least standard deviation.
-    doppler_velocity : The most accurate way, with many chirps.
+    doppler_velocity : The most accurate estimator, with many chirps.
     up_down_velocity : From one chirp of each slope.
 
     Examples
@@ -308,7 +309,8 @@ def _beat_fit(
 ) -> Callable[[NDArray[Any]], PhaseFit | None]:
     """Fit of the mean beat frequency of a frame and of its observable changes.
 
-    From chirp to chirp where there are several, and, as the last parameter, within chirps of more than two samples.
+    The parameters are the frequency, its change between chirps if there are several, and, as the last one, its change
+    within chirps of more than two samples.
     """
     wf = given.waveform
     observable = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
@@ -335,7 +337,7 @@ def _beat_fit(
 
 @dataclass(frozen=True, eq=False)
 class VelocityEstimate:
-    """Range and velocity of the strongest echo; NaN where there is none.
+    """Range and velocity of the strongest echo; NaN without an echo.
 
     Attributes
     ----------
@@ -344,16 +346,16 @@ class VelocityEstimate:
     velocity : float or (frame,) float64
         Range rate, receding positive [m/s].
     range_std, velocity_std : float or (frame,) float64
-        Predicted standard deviations [m], [m/s]: the Cramér-Rao bound at the measured `snr_db`, with the loss of the
-        windows. They hold for one echo in white noise and above the threshold of the estimate, below which peaks of
-        noise are taken for the echo.
+        Predicted standard deviations [m], [m/s]: the Cramér-Rao bound at the measured `snr_db`, including the loss of
+        the windows. They hold for one echo in white noise above the SNR threshold, below which noise peaks exceed the
+        echo.
     snr_db : float or (frame,) float64
-        Power of the echo over that of the noise, per sample [dB]; -inf where the noise hides it.
+        Signal-to-noise ratio of the echo per sample [dB]; -inf for an echo below the noise.
 
     See Also
     --------
-    doppler_velocity : By the phase over the chirps.
-    up_down_velocity : By chirps of both slopes.
+    doppler_velocity : From the phase over the chirps.
+    up_down_velocity : From chirps of both slopes.
 
     Examples
     --------
@@ -385,11 +387,11 @@ class _Input(NamedTuple):
     offsets: Array
     """Time from the mean chirp of all channels to the mean chirp of each, (channel,) [s]."""
     is_one: bool
-    """One frame, not several."""
+    """True for a single frame."""
 
 
 def _checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube") -> _Input:
-    """Samples of one frame or several, with the radar or waveform that they have; `name`: of the argument."""
+    """Checked samples of one or several frames, with their waveform; messages call the argument `name`."""
     samples, wf = cube_and_waveform(cube, waveform)
     offsets = np.zeros(1)
     if not isinstance(waveform, Waveform):
@@ -416,22 +418,22 @@ def _delay_between(up: Samples, down: Samples) -> float | None:
     between = times[1] - times[0]
     if np.ptp(between) > 1e-9:
         raise ValueError(
-            f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s"
+            f"down: expected frames at a constant delay after up, got {between.min():g} to {between.max():g} s"
         )
     return float(between[0])
 
 
 def _checked_noise(noise: float | None) -> float | None:
-    """Power of the noise per sample, None if it is to be measured."""
+    """Power of the noise per sample; None: measured."""
     return None if noise is None else check.non_negative("noise", noise)
 
 
 def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
-    """Power of the echo over that of the noise, per sample."""
+    """Signal-to-noise ratio of the echo per sample."""
     noise = noise_power(frame - fit.echo, waveform) if level is None else level
     if noise == 0.0:
         return np.inf
-    # Power of a real tone is half of its squared amplitude, which has twice the noise in it.
+    # The power of a real tone is half of its squared amplitude, which contains twice the noise.
     is_iq = np.iscomplexobj(frame)
     per_amplitude = float((weights**2).sum() / weights.sum() ** 2) * fit.num_free / len(frame)
     power = fit.power * (1.0 if is_iq else 0.5) - noise * per_amplitude * (1.0 if is_iq else 2.0)
@@ -439,7 +441,7 @@ def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | 
 
 
 def _estimate(given: _Input, rows: list[_Row], bound: Callable[..., CramerRaoBound]) -> VelocityEstimate:
-    """Estimates with the deviations of the bound at their SNR: numbers of one frame, arrays of several."""
+    """Estimates with the deviations of the bound at their SNR: numbers for one frame, arrays for several."""
     distance, velocity, ratio = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     snr_db = decibels(ratio)
     least = bound(snr_db, is_real=not np.iscomplexobj(given.samples), num_channels=given.samples.shape[1])

@@ -35,37 +35,37 @@ _PADDING = 4
 """Cells per range bin."""
 
 _WEAKEST, _OVER_MEDIAN = 1e-2, 4.0
-"""Power of movement in a cell over the strongest, and over the median cell, for the cell to be used."""
+"""Least power of movement in a used cell, relative to the strongest and to the median cell."""
 
 _LARGEST_RADIUS = 10.0
-"""Radius over the root mean square of the movement: a larger one is the fit of a straight line, which noise may be."""
+"""Largest radius over the root mean square of the movement; a larger radius fits a straight line, possibly noise."""
 
 _LARGEST_STEP, _SHARE_OF_STEPS = 0.9 * np.pi, 0.01
-"""A larger step of the phase from frame to frame may be one of the other sign [rad]; share of the frames with one."""
+"""Largest phase step between frames with a certain sign [rad]; largest share of frames with larger steps."""
 
 _FARTHEST = 0.15
-"""Largest distance from the range of a person at the start to the range at the end [m]."""
+"""Largest difference of a person's ranges at the start and at the end [m]."""
 
 _NUM_HARMONICS = 4
 """Harmonics in the waveform of a breath."""
 
 _LEAST_PERIODIC = 0.4
-"""Share of the power of the movement that periodic breathing explains; noise and random movements reach 0.3."""
+"""Least share of periodic breathing in the power of the movement; noise and random movements reach 0.3."""
 
 _LEAST_PEAK = 4.0
-"""Amplitude of a line over the median of its band: noise exceeds it in one of a thousand recordings of a minute."""
+"""Least amplitude of a line over the median of its band; noise exceeds it in 0.1 % of recordings of a minute."""
 
 _DOMINANCE = 1.5
-"""Amplitude of the heart's line over any other in its band."""
+"""Least amplitude of the heart's line over any other line in its band."""
 
 _OVER_SKIRTS = 2.0
 """Least amplitude of the heart's line over the skirts of the harmonics of breathing."""
 
 _AGREEMENT = 0.05
-"""Largest difference of the heart rates of channels, 3 per minute [Hz]."""
+"""Largest difference between heart rates of channels, 3 per minute [Hz]."""
 
 _HANN_LOSS = 1.53
-"""Standard deviation of a frequency with a Hann window over the least possible."""
+"""Standard deviation of a frequency with a Hann window over the bound without a window."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -80,13 +80,13 @@ class VitalSigns:
     breathing_rate, breathing_deviation : float
         Mean rate and its standard deviation [Hz]; NaN with a `breathing_reason`.
     amplitude : float
-        Movement of the chest in a breath, peak to peak, the median of all breaths [m].
+        Movement of the chest per breath, peak to peak, median over all breaths [m].
     heart_rate, heart_deviation : float
         Mean rate and its standard deviation [Hz]; NaN with a `heart_reason`.
     range : float
         Range of the chest [m].
     time, displacement : (frame,) float64
-        Middle of every frame [s] and movement of the chest from its first place [m], away from the radar positive.
+        Middle of every frame [s] and displacement of the chest from its initial place [m], receding positive.
     breathing_reason, heart_reason : str
         Reasons for NaN, empty if there is a rate.
 
@@ -123,7 +123,7 @@ class _Line(NamedTuple):
     frequency: float
     amplitude: float
     runner_up: float
-    """Largest amplitude of other lines, and of a line at half the frequency."""
+    """Largest amplitude of other lines, including a line at half the frequency."""
     median: float
     """Median amplitude of the band."""
 
@@ -131,29 +131,29 @@ class _Line(NamedTuple):
 def vital_signs(recording: Recording, *, min_range: float | None = None, max_range: float | None = None) -> VitalSigns:
     """Breathing rate, amplitude of the chest and heart rate of a resting person, by a radar at rest.
 
-    The chest is the range cell whose samples over the frames are most like an arc of a circle, among all cells with at
-    least a hundredth of the strongest movement. Static echoes in that cell are the centre of the circle, fitted for
+    The chest is the range cell whose samples over the frames fit an arc of a circle best, among all cells with at least
+    a hundredth of the strongest movement. The centre of the circle is the static echo in that cell. It is fitted for
     each channel by Taubin's method (Taubin, IEEE Transactions on Pattern Analysis and Machine Intelligence 13, 1991; by
-    eigenvalues as in Chernov, Circular and Linear Regression, 2010). The phase about the centre is ``4 pi /
-    wavelength`` times the displacement. Its steps from frame to frame are summed over the channels in power (Kasai et
-    al., IEEE Transactions on Sonics and Ultrasonics 32, 1985), so that a channel whose echo fades does not count.
+    eigenvalues as in Chernov, Circular and Linear Regression, 2010). The phase around the centre is ``4 pi /
+    wavelength`` times the displacement. Its steps from frame to frame are combined over the channels by power (Kasai et
+    al., IEEE Transactions on Sonics and Ultrasonics 32, 1985), which ignores a channel with a fading echo.
 
     The breathing rate is the least-squares fit of a periodic movement with four harmonics. The heart rate is the
-    strongest line from 45 to 150 per minute without the harmonics of breathing. It must be twice as high as the skirts
-    of these harmonics, which irregular breathing has, 4 times the median of the band, and 1.5 times any other line.
-    Every channel by itself must find it within 3 per minute, in the range cell where that channel moves most.
+    strongest line from 45 to 150 per minute after removal of the harmonics of breathing. The line must be twice as high
+    as the skirts of these harmonics (due to irregular breathing), 4 times the median of the band, and 1.5 times any
+    other line. Each channel alone must confirm it within 3 per minute, in its range cell with the most movement.
 
     Parameters
     ----------
     recording : Recording
-        Of one person who sits or lies in front of the radar, with at least 6 frames per second and 2 breaths.
+        One person who sits or lies in front of the radar, with at least 6 frames per second and 2 breaths.
     min_range, max_range : float, optional
         Limits of the range [m]. Default: all but two range bins next to the radar.
 
     Returns
     -------
     signs : VitalSigns
-        Rates are NaN where they are not certain, with the reason.
+        Uncertain rates are NaN, with a reason.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def vital_signs(recording: Recording, *, min_range: float | None = None, max_ran
         raise ValueError(f"min_range, max_range: expected range bins within the limits, got {low:g} to {high:g} m")
 
     # The chest and its movement.
-    samples = np.stack([frame.cube.mean(axis=1) for frame in recording.frames()])  # a chest moves little in a frame
+    samples = np.stack([frame.cube.mean(axis=1) for frame in recording.frames()])  # little motion within a frame
     profiles = fast_spectrum(samples, waveform, window="hann", num_bins=len(ranges))[..., inside]
     arcs, cell = _chest(profiles)
     products = arcs[1:] * arcs[:-1].conj()
@@ -259,7 +259,7 @@ def _checked_interval(times: _Reals) -> float:
 
 
 def _chest(profiles: _Complexes) -> tuple[_Complexes, int]:
-    """Samples of the chest about the centre of their circle, (frame, channel), and its cell."""
+    """Samples of the chest relative to the centre of their circle, (frame, channel), and the chest's cell."""
     power = profiles.var(axis=0).sum(axis=0)
     cells = np.flatnonzero(power >= min(max(_WEAKEST * power.max(), _OVER_MEDIAN * np.median(power)), power.max()))
     samples = profiles[:, :, cells].astype(np.complex128)
@@ -289,7 +289,7 @@ def _centres(samples: _Complexes) -> _Complexes:
 
 
 def _phases_of_channels(profiles: _Complexes) -> list[_Reals]:
-    """Phases of each channel by itself over the frames [rad], in the cell with its strongest movement."""
+    """Phase of each channel alone over the frames [rad], in the channel's cell with the strongest movement."""
     strongest = profiles.var(axis=0).argmax(axis=1)
     phases = []
     for channel, cell in enumerate(strongest):
@@ -299,7 +299,7 @@ def _phases_of_channels(profiles: _Complexes) -> list[_Reals]:
 
 
 def _moved(profiles: _Complexes, ranges: _Reals) -> float:
-    """Distance between the ranges of movements in the first and the last third of the frames [m]."""
+    """Difference between the ranges of movement in the first and the last third of the frames [m]."""
     third = max(len(profiles) // 3, 2)
     places = []
     for part in (profiles[:third], profiles[-third:]):
@@ -310,7 +310,7 @@ def _moved(profiles: _Complexes, ranges: _Reals) -> float:
 
 
 def _breathing(displacement: _Reals, time: _Reals) -> tuple[float, float, float]:
-    """Rate and deviation of the periodic movement that fits best [Hz], and its share of the power without drift."""
+    """Rate and deviation of the best-fitting periodic movement [Hz], and its share of the power without drift."""
     detrended = _without_drift(displacement, time)
     power = float(detrended @ detrended)
     if power == 0.0:
@@ -327,7 +327,7 @@ def _breathing(displacement: _Reals, time: _Reals) -> tuple[float, float, float]
     errors = [float(residual @ residual) for residual in map(left, fine)]
     best = _vertex(fine, -np.array(errors))
 
-    # Cramer-Rao bound of a tone in noise with the residual's density about the breathing rate.
+    # Cramer-Rao bound of a tone in noise with the residual's density around the breathing rate.
     residual = left(best)
     beside = np.linspace(0.5, 1.5, 101) * best
     noise = np.mean(np.square(_spectrum(residual, time, beside)))
@@ -344,7 +344,7 @@ def _waves(frequency: float, time: _Reals, num_orders: int = _NUM_HARMONICS) -> 
 
 
 def _without_drift(displacement: _Reals, time: _Reals) -> _Reals:
-    """Displacement less the parabola that fits it best."""
+    """Displacement minus its best-fitting parabola."""
     powers = np.vander(_scaled(time), 3)
     return np.asarray(displacement - powers @ np.linalg.lstsq(powers, displacement, rcond=None)[0])
 
@@ -363,7 +363,7 @@ def _spectrum(values: _Reals, time: _Reals, frequencies: _Reals) -> _Reals:
 
 
 def _peak_to_peak(displacement: _Reals, time: _Reals, breathing: float) -> float:
-    """Median over the breaths of the movement peak to peak, without what is faster than the harmonics of breathing."""
+    """Median over the breaths of the movement peak to peak, low-passed above the harmonics of breathing."""
     waves = _waves(breathing, time)
     drift = waves[:, -3:] @ np.linalg.lstsq(waves, displacement, rcond=None)[0][-3:]
     detrended = displacement - drift
@@ -376,7 +376,7 @@ def _peak_to_peak(displacement: _Reals, time: _Reals, breathing: float) -> float
 
 
 def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
-    """Strongest line of the heart's band that is no harmonic of breathing; of amplitude 0 if there is none."""
+    """Strongest line in the heart's band that is no harmonic of breathing; amplitude 0 without a line."""
     duration = time[-1] - time[0]
     width = 2.0 / duration
     num_orders = int(np.ceil(_HEART_HZ[1] / breathing))
@@ -393,7 +393,7 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
     inner = amplitudes[1:-1]
     peaks = 1 + np.flatnonzero((inner > amplitudes[:-2]) & (inner >= amplitudes[2:]) & in_band[1:-1])
 
-    # Irregular breathing leaves skirts beside the harmonics; relative to the harmonic they grow with its order.
+    # Irregular breathing causes skirts around the harmonics; their relative height grows with the order.
     cells = np.abs(frequencies[peaks] - orders * breathing) * duration
     beside = np.abs(frequencies - breathing) <= width
     irregularity = np.minimum(orders * amplitudes[beside].max() / harmonics[0], 1.0)
@@ -406,7 +406,7 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
     best = kept[amplitudes[kept].argmax()]
     frequency = _with_harmonics(displacement, time, waves, float(frequencies[best]))
 
-    # Other lines; the line may also be the double of one that a harmonic of breathing hides.
+    # Other lines. The line may also be the second harmonic of a line hidden by a harmonic of breathing.
     distance = np.minimum(np.abs(frequencies[kept] - frequency), np.abs(frequencies[kept] - 2.0 * frequency))
     half = np.abs(frequencies - 0.5 * frequency) <= 0.5 * width
     hidden = np.abs(0.5 * frequency - orders[:, 0] * breathing) < 0.25 / duration
@@ -415,7 +415,7 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
 
 
 def _with_harmonics(displacement: _Reals, time: _Reals, waves: _Reals, coarse: float) -> float:
-    """Frequency of the tone that fits best together with the harmonics of breathing: they no longer pull it [Hz]."""
+    """Frequency of the tone that fits best jointly with the harmonics of breathing, which removes their bias [Hz]."""
     basis = np.linalg.qr(waves)[0]
     left = displacement - basis @ (basis.T @ displacement)
     fine = coarse + np.linspace(-0.6, 0.6, 61) / (time[-1] - time[0])
@@ -429,7 +429,7 @@ def _with_harmonics(displacement: _Reals, time: _Reals, waves: _Reals, coarse: f
 
 
 def _vertex(places: _Reals, values: _Reals) -> float:
-    """Place of the maximum of evenly spaced values, by a parabola."""
+    """Position of the maximum of evenly spaced values, by a parabola."""
     best = int(np.clip(values.argmax(), 1, len(values) - 2))
     before, highest, after = values[best - 1 : best + 2]
     curvature = 2.0 * highest - before - after
