@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from threading import current_thread, main_thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 _LONG = 1.0
 """Time after which work has a progress bar [s]."""
+
+quiet = ContextVar("quiet", default=False)
+"""True while neither progress nor summaries are shown."""
 
 _OURS = {"radarcore", "dataclasses", "functools"}
 """Packages between the user's line and a warning: constructors of dataclasses are ours, too."""
@@ -36,9 +40,8 @@ def progress(
     """Progress bar over some steps, or one that is advanced by hand; in terminals only."""
     from tqdm import tqdm  # takes longer to load than the rest
 
-    return tqdm(
-        steps, desc=description, unit=unit, unit_scale=steps is None, total=total, disable=None if shown else True
-    )
+    disable = None if shown and not quiet.get() else True
+    return tqdm(steps, desc=description, unit=unit, unit_scale=steps is None, total=total, disable=disable)
 
 
 @contextmanager

@@ -165,6 +165,60 @@ def test_faults_are_one_line_and_nothing_is_written(
     assert sorted(folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    ("words", "made", "needs"),
+    [
+        ("simulate scene.toml -o new -q", "new/cube.npy", "numpy"),
+        ("process rec -o new --quiet", "new/tracks.csv", "numpy"),
+        ("compare rec -q", "rec", "numpy"),
+        ("compare rec -o new.html -q", "new.html", "matplotlib"),
+        ("convert -q rec new.npz", "new.npz", "numpy"),
+        ("plot rec -o new.png -q", "new.png", "matplotlib"),
+        ("view rec -o new.rrd -q", "new.rrd", "rerun"),
+        ("dataset make scene.toml -o new --count 1 --workers 1 -q", "new/zarr.json", "zarr"),
+        ("sensor view rec --speed max -o new -q", "new", "matplotlib"),
+    ],
+)
+def test_quiet_commands_show_nothing_and_no_bar_on_a_terminal(
+    words: str,
+    made: str,
+    needs: str,
+    scene: Path,
+    recording: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    on_terminal,
+) -> None:
+    pytest.importorskip(needs)
+    monkeypatch.chdir(scene.parent)
+    rc.Recording.load(recording).save("rec")
+    assert on_terminal(*words.split(), with_errors=True) == ""
+    assert Path(made).exists()
+    if words.startswith(("process", "compare")):
+        loud = [word for word in words.split() if word not in ("-q", "--quiet")]
+        assert "3/3" in on_terminal(*loud, "--overwrite", with_errors=True), "a bar of progress"
+
+
+@pytest.mark.filterwarnings("default:.*there are no echoes")
+def test_quiet_commands_show_warnings_errors_failures_and_json(
+    scene: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene.write_text(scene.read_text().partition("[[body]]")[0] + "[run]\nstop = 0.05\n")
+    assert main(["simulate", str(scene), "-o", str(scene.parent / "new"), "-q"]) == 0
+    printed = capsys.readouterr()
+    assert (printed.out, "there are no echoes" in printed.err) == ("", True)
+    assert main(["simulate", str(scene), "-o", str(scene.parent / "new"), "-q"]) == 1
+    assert "--overwrite replaces it" in capsys.readouterr().err
+    assert main(["sensor", "selftest", "/dev/none", "-q"]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("FAIL  open")
+    assert main(["process", str(recording), "-q", "--json"]) == 0
+    assert '"frames": 3' in capsys.readouterr().out
+    assert main(["info", str(recording), "-q"]) == 2, "it would show nothing at all"
+    capsys.readouterr()
+    assert main(["info", str(recording)]) == 0
+    assert "frames" in capsys.readouterr().out, "the next command is not quiet"
+
+
 def test_last_of_an_option_counts_and_numbers_may_be_negative() -> None:
     def bound(words: str) -> dict[str, object]:
         return application().parse_args(shlex.split(words))[1].arguments

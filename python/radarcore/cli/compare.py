@@ -16,7 +16,7 @@ from radarcore.adapters.ros.frames import FRAME_TYPE
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Seconds, given
+from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Quiet, Seconds, given
 from radarcore.cli.sources import load_recording, only_radar, path_and_topic
 from radarcore.cli.terminal import show
 from radarcore.comparison import report
@@ -56,6 +56,7 @@ def run(
     range_only: Flag = False,
     time: Seconds = None,
     overwrite: Overwrite = False,
+    _quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Compare, print the tables, and write the report or the picture.
@@ -115,7 +116,7 @@ def run(
     else:
         for number, table in enumerate(report.tables(compared)):
             if number:
-                print()
+                show("")
             show(table)
     if output is not None:
         write = compared.report if output.suffix.lower() == _PAGE else compared.figure

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import write_frames
-from radarcore.cli.options import Overwrite, Source
+from radarcore.cli.options import Overwrite, Quiet, Source
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, path_and_topic, start_ns_of
 from radarcore.cli.terminal import show
 from radarcore.dataset.converted import exact_codes, save_as_dataset
@@ -26,6 +26,7 @@ def run(
     *,
     format: Literal["infineon"] | None = None,
     overwrite: Overwrite = False,
+    _quiet: Quiet = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Write a recording in another format, by the suffix of OUT.

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from radarcore.cli.options import Count, Flag, Json, Number, Output, whole_number
+from radarcore.cli.options import Count, Flag, Json, Number, Output, Quiet, whole_number
 from radarcore.cli.terminal import complain, show
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.making import make
@@ -36,6 +36,7 @@ def run_make(
     resume: Flag = False,
     labels: Annotated[str, Parameter(metavar="NAME,...")] = "truth",
     samples_per_shard: Count = None,
+    _quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
     """Make a dataset, or go on with it; exit status 1 if no sample could be simulated.
@@ -85,7 +86,7 @@ def run_make(
     return 1 if len(failed) == len(dataset) else 0
 
 
-def run_verify(dataset: Folder, /, *, again: Number = 1, as_json: Json = False) -> int:
+def run_verify(dataset: Folder, /, *, again: Number = 1, _quiet: Quiet = False, as_json: Json = False) -> int:
     """Verify a dataset; exit status 1 if something is wrong with it.
 
     Parameters
@@ -96,7 +97,10 @@ def run_verify(dataset: Folder, /, *, again: Number = 1, as_json: Json = False) 
         samples to simulate once more, to the bit
     """
     found = verify(dataset, again=again)
-    print(json.dumps(asdict(found), indent=2) if as_json else found)
+    if as_json:
+        print(json.dumps(asdict(found), indent=2))
+    else:
+        show(found)
     return 0 if found.is_good else 1
 
 

@@ -18,7 +18,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Flag, Json, Output, Seconds, given
+from radarcore.cli.options import Count, Flag, Json, Output, Quiet, Seconds, given
 from radarcore.cli.terminal import show
 from radarcore.comparison.targets import Errors, TargetErrors, estimates, found_in, target_errors, truth_of
 from radarcore.models.robots.named import is_available
@@ -47,6 +47,7 @@ def run(
     ray_budget: Count = None,
     overwrite: Flag = False,
     robots: Annotated[bool | None, Parameter(negative="--no-robots")] = None,
+    _quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Simulate the experiment and compare it with the truth.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter
 
+from radarcore import notice
 from radarcore._core import __version__
 from radarcore.cli.options import OPTIONS
 from radarcore.cli.terminal import complain, is_coloured
@@ -171,6 +172,7 @@ def _run(words: list[str]) -> int:
             text = f"Expected {error.argument.name}, got none."
         complain(f"{text} See `{' '.join(['radarcore', *(error.command_chain or ())])} --help`.")
         return 2
+    notice.quiet.set(bool(bound.arguments.get("_quiet")))
     try:
         return int(function(*bound.args, **bound.kwargs) or 0)
     except BrokenPipeError:
@@ -181,6 +183,8 @@ def _run(words: list[str]) -> int:
         for line in _lines(error, options):
             complain(line)
         return 1
+    finally:
+        notice.quiet.set(False)
 
 
 def _lines(error: BaseException, options: dict[str, str]) -> list[str]:

@@ -43,6 +43,12 @@ Overwrite = Annotated[bool, Parameter(show_default=False, help="replace an exist
 
 Json = Annotated[bool, Parameter(name="--json", show_default=False, help="print as JSON")]
 
+Quiet = Annotated[
+    bool,
+    Parameter(name=("--quiet", "-q"), show_default=False, help="show no progress and no summary; warnings stay"),
+]
+"""`main` heeds it: commands name it ``_quiet``."""
+
 SubtractMean = Annotated[
     bool | None,
     Parameter(

@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, Output, Overwrite, Source, SubtractMean, given, whole_number
+from radarcore.cli.options import Count, Metres, Output, Overwrite, Quiet, Source, SubtractMean, given, whole_number
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
@@ -87,6 +87,7 @@ def run(
     max_velocity: Annotated[float | None, Parameter(metavar="V")] = None,
     subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
+    _quiet: Quiet = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Draw a recording or a scene file.

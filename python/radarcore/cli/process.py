@@ -18,7 +18,7 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
-from radarcore.cli.options import Flag, Json, Metres, Number, OutputFolder, Source, SubtractMean, given
+from radarcore.cli.options import Flag, Json, Metres, Number, OutputFolder, Quiet, Source, SubtractMean, given
 from radarcore.cli.sources import (
     NOT_BARE,
     AnyReader,
@@ -81,6 +81,7 @@ def run(
     subtract_mean: SubtractMean = None,
     range_only: Flag = False,
     people: Flag = False,
+    _quiet: Quiet = False,
     as_json: Json = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:

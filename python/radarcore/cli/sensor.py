@@ -32,6 +32,7 @@ from radarcore.cli.options import (
     OutputFolder,
     Overwrite,
     Port,
+    Quiet,
     Seconds,
     Source,
     Speed,
@@ -92,6 +93,7 @@ def run_record(
     duration: Annotated[float | None, Parameter(metavar="S", group=(OPTIONS, _LENGTH))] = None,
     frames: Annotated[Count, Parameter(group=(OPTIONS, _LENGTH))] = None,
     capture: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    _quiet: Quiet = False,
     settings: BoardSettings = NOT_SET,
 ) -> None:
     """Record from a board, until Ctrl-C or for a duration.
@@ -168,6 +170,7 @@ def run_view(
     speed: Speed = 1.0,
     every: Annotated[float, Parameter(metavar="S")] = 1.0,
     subtract_mean: Annotated[bool | None, Parameter(negative=("--no-subtract-mean", "--keep-mean"))] = None,
+    _quiet: Quiet = False,
     settings: BoardSettings = NOT_SET,
 ) -> None:
     """Live view of a board, a recording or a scene.
@@ -263,6 +266,7 @@ def run_selftest(
     only: Annotated[list[_Group] | None, Parameter(metavar="GROUP")] = None,
     duration: Annotated[float, Parameter(metavar="S")] = 2.5,
     as_json: Json = False,
+    _quiet: Quiet = False,
     output: OutputFile = None,
     overwrite: Overwrite = False,
     capture: Annotated[Path | None, Parameter(metavar="FILE")] = None,
@@ -354,6 +358,7 @@ def run_serve(
     receiver: Literal["measured", "ideal"] = "measured",
     duration: Seconds = None,
     threads: Count = None,
+    _quiet: Quiet = False,
 ) -> None:
     """Serve a simulated scene or a recording by a board's protocol.
 
@@ -388,9 +393,9 @@ def run_serve(
     ):
         try:
             name = link or port.path
-            print(f"listening on {name}")
-            print(f"{source} as a BGT60TR13C, protocol Strata; {settings}")
-            print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
+            show(f"listening on {name}")
+            show(f"{source} as a BGT60TR13C, protocol Strata; {settings}")
+            show(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server")
             deadline = math.inf if duration is None else time.monotonic() + duration
             while time.monotonic() < deadline:
                 time.sleep(0.2)
@@ -398,7 +403,7 @@ def run_serve(
                     print(line, file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
-    print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
+    show(f"{board.num_frames} frames delivered, {board.num_lost} lost")
 
 
 def _served(path: Path) -> tuple[Simulation | Recording, str]:

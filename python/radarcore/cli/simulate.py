@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from radarcore import notice
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.motions import BagMotions
-from radarcore.cli.options import Count, Flag, Json, Output
+from radarcore.cli.options import Count, Flag, Json, Output, Quiet
 from radarcore.cli.terminal import show
 from radarcore.scenefile.load import load_scene
 
@@ -26,6 +26,7 @@ def run(
     overwrite: Flag = False,
     threads: Count = None,
     bag: Annotated[Path | None, Parameter(metavar="BAG")] = None,
+    _quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a scene file into a recording.

@@ -6,6 +6,7 @@ import os
 import sys
 from typing import TextIO
 
+from radarcore import notice
 from radarcore.check import printable
 from radarcore.table import Table
 
@@ -20,7 +21,9 @@ def is_coloured(stream: TextIO | None = None) -> bool:
 
 
 def show(content: object) -> None:
-    """Print a table, in colour on a terminal and never cut, or the text of anything else."""
+    """Print a table, in colour on a terminal and never cut, or the text of anything else; nothing if it is quiet."""
+    if notice.quiet.get():
+        return
     if isinstance(content, Table) and is_coloured():
         from rich.console import Console
 
@@ -30,7 +33,9 @@ def show(content: object) -> None:
 
 
 def show_result(result: str, text: str) -> None:
-    """Print the line of a check that passed, failed or was skipped."""
+    """Print the line of a check that passed, failed or was skipped; only failures if it is quiet."""
+    if notice.quiet.get() and result != "FAIL":
+        return
     _show_styled(f"{result}  ", _STYLES[result], text, sys.stdout)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
-from radarcore.cli.options import OutputFile, Overwrite, Source, SubtractMean
+from radarcore.cli.options import OutputFile, Overwrite, Quiet, Source, SubtractMean
 from radarcore.cli.sources import NOT_BARE, AnyReader, BareSamples, moving, open_recording, subtracts_mean, tracker_for
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
@@ -22,6 +22,7 @@ def run(
     output: OutputFile = None,
     subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
+    _quiet: Quiet = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Show every frame: bodies, depth image, detections and tracks.
