@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import write_frames
 from radarcore.cli.options import Overwrite, Quiet, Source
-from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, path_and_topic, start_ns_of
+from radarcore.cli.sources import NOT_BARE, WHOLE, BareSamples, Span, load_recording, path_and_topic, start_ns_of
 from radarcore.cli.terminal import show
 from radarcore.dataset.converted import exact_codes, save_as_dataset
 from radarcore.output import refuse_source
@@ -27,6 +27,7 @@ def run(
     format: Literal["infineon"] | None = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
+    span: Span = WHOLE,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Write a recording in another format, by the suffix of OUT.
@@ -47,7 +48,7 @@ def run(
     if format is not None and suffix in (".npz", *_BAGS, _DATASET):
         raise ValueError(f"{output}: expected a folder for Infineon's tools (no suffix), got suffix {suffix!r}")
     refuse_source("OUT", output, path_and_topic(source)[0])
-    recording = load_recording(source, bare.description)
+    recording = load_recording(source, bare.description, span)
     _write(recording, output, suffix, format, overwrite)
     shape = " x ".join(map(str, recording.shape[1:]))
     show(f"{output}: {len(recording)} frames of {shape} samples, {recording.dtype}")

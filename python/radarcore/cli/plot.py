@@ -12,7 +12,16 @@ from cyclopts import Parameter
 
 from radarcore import check, plot
 from radarcore.cli.options import Count, Metres, Output, Overwrite, Quiet, Source, SubtractMean, given, whole_number
-from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, subtracts_mean
+from radarcore.cli.sources import (
+    NOT_BARE,
+    WHOLE,
+    BareSamples,
+    Span,
+    load_recording,
+    moving,
+    moving_frame,
+    subtracts_mean,
+)
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas
@@ -88,6 +97,7 @@ def run(
     subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
+    span: Span = WHOLE,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Draw a recording or a scene file.
@@ -127,9 +137,10 @@ def run(
     if kind in FIGURES:
         chosen |= {"path": output, "overwrite": overwrite}
     if source.suffix == ".toml":
+        span.refuse(source)
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
-        recording = _sequence(load_recording(source, bare.description), sequence)
+        recording = _sequence(load_recording(source, bare.description, span), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
     if kind not in FIGURES:
         canvas.save(figure, output, overwrite=overwrite)

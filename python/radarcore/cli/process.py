@@ -21,8 +21,10 @@ from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_
 from radarcore.cli.options import Flag, Json, Metres, Number, OutputFolder, Quiet, Source, SubtractMean, given
 from radarcore.cli.sources import (
     NOT_BARE,
+    WHOLE,
     AnyReader,
     BareSamples,
+    Span,
     moving,
     open_recording,
     path_and_topic,
@@ -83,6 +85,7 @@ def run(
     people: Flag = False,
     _quiet: Quiet = False,
     as_json: Json = False,
+    span: Span = WHOLE,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Detect and track frame by frame, write results as they come, and print a summary.
@@ -121,7 +124,7 @@ def run(
     if bag is not None:
         refuse_source("bag", bag, path_and_topic(source)[0])
     with ExitStack() as files:
-        reader = files.enter_context(open_recording(source, bare.description))
+        reader = files.enter_context(open_recording(source, bare.description, span))
         tables = _ResultFiles(output, overwrite, files) if output is not None else None
         messages = _ResultBag(bag, reader, samples, overwrite, files) if bag is not None else None
         removes = subtracts_mean(reader, subtract_mean)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
@@ -12,8 +14,10 @@ import numpy as np
 from cyclopts import Group, Parameter
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.frames import FRAME_TYPE, BagFrames
+from radarcore.cli.options import OPTIONS, Seconds, given
 from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.processing.tracking.tracker import Tracker
@@ -60,6 +64,49 @@ class BareSamples:
 NOT_BARE = BareSamples()
 
 
+@Parameter(name="*", group=OPTIONS)
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """Options that choose frames by their time."""
+
+    start: Annotated[Seconds, Parameter(allow_leading_hyphen=True)] = None
+    """first time of a recording's frames that counts, by the clock of the recording (default: its first frame)"""
+
+    duration: Seconds = None
+    """seconds from there on (default: to its last frame)"""
+
+    def refuse(self, scene: Path) -> None:
+        """Refuse options beside a scene file."""
+        if self != WHOLE:
+            got = ", ".join(f"--{name}" for name in given(**vars(self)))
+            raise ValueError(f"{scene}: expected no --start or --duration with a scene file, got {got}")
+
+    def part_of(self, frames: AnyReader) -> AnyReader:
+        """The frames that begin within the span; of a bag, these are in memory."""
+        if self == WHOLE:
+            return frames
+        if self.duration is not None:
+            check.positive("duration", self.duration, "s")
+        first = next((frame.time for frame in frames), 0.0) if self.start is None else self.start
+        stop = math.inf if self.duration is None else first + self.duration
+        low, high = first - _ROUNDING, stop - _ROUNDING
+        part: Recording | None = None
+        if isinstance(frames, Recording):
+            part = frames[slice(*np.searchsorted(frames.time, (low, high)).tolist())]
+        elif chosen := [one for one in takewhile(lambda frame: frame.time < high, frames) if one.time >= low]:
+            part = Recording.from_frames(chosen, frames.source)
+        if not part:
+            name = "duration" if self.start is None else "start"
+            raise ValueError(f"{name}: expected times with frames, got {first:.12g} to {stop:.12g} s, which have none")
+        return part
+
+
+WHOLE = Span()
+
+_ROUNDING = 1e-9
+"""Tolerance of sums of times [s]."""
+
+
 def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
     """Path, and topic of a bag or nothing."""
     # A Windows path has lost the slash of the topic; no topic of a bag follows the colon of its drive.
@@ -78,12 +125,14 @@ def only_radar(bag: BagReader) -> str:
     return found[0]
 
 
-def load_recording(source: Path, config: Description = NO_DESCRIPTION) -> Recording:
+def load_recording(source: Path, config: Description = NO_DESCRIPTION, span: Span = WHOLE) -> Recording:
     """The recording at a path, the frames of a bag, ``BAG`` or ``BAG:/TOPIC``, or of a dataset of one sample."""
-    path, topic = path_and_topic(source)
-    if is_bag(path) and not config.given:
-        with BagReader(path) as bag:
-            return BagFrames(bag, topic or only_radar(bag)).recording()
+    with open_recording(source, config, span) as frames:
+        return frames if isinstance(frames, Recording) else frames.recording()
+
+
+def _loaded(path: Path, config: Description) -> Recording:
+    """The recording at a path that is no bag."""
     if (path / "zarr.json").is_file() and not config.given:
         return _only_sample(path)
     return Recording.load(path, **vars(config))
@@ -102,14 +151,14 @@ def _only_sample(path: Path) -> Recording:
 
 
 @contextmanager
-def open_recording(source: Path, config: Description = NO_DESCRIPTION) -> Iterator[AnyReader]:
+def open_recording(source: Path, config: Description = NO_DESCRIPTION, span: Span = WHOLE) -> Iterator[AnyReader]:
     """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
     path, topic = path_and_topic(source)
     if is_bag(path) and not config.given:
         with BagReader(path) as bag:
-            yield BagFrames(bag, topic or only_radar(bag))
+            yield span.part_of(BagFrames(bag, topic or only_radar(bag)))
     else:
-        yield load_recording(source, config)
+        yield span.part_of(_loaded(path, config))
 
 
 def _topics(bag: BagReader) -> str:

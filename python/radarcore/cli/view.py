@@ -7,7 +7,17 @@ from collections.abc import Iterator
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.options import OutputFile, Overwrite, Quiet, Source, SubtractMean
-from radarcore.cli.sources import NOT_BARE, AnyReader, BareSamples, moving, open_recording, subtracts_mean, tracker_for
+from radarcore.cli.sources import (
+    NOT_BARE,
+    WHOLE,
+    AnyReader,
+    BareSamples,
+    Span,
+    moving,
+    open_recording,
+    subtracts_mean,
+    tracker_for,
+)
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import Tracker
@@ -23,6 +33,7 @@ def run(
     subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
+    span: Span = WHOLE,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Show every frame: bodies, depth image, detections and tracks.
@@ -45,11 +56,12 @@ def run(
         )
     # The source is opened first: without one there is no output.
     if source.suffix == ".toml":
+        span.refuse(source)
         simulation = load_scene(source)
         with Viewer(output, overwrite=overwrite) as viewer:
             number = _show(viewer, _of_scene(simulation, viewer))
     else:
-        with open_recording(source, bare.description) as reader, Viewer(output, overwrite=overwrite) as viewer:
+        with open_recording(source, bare.description, span) as reader, Viewer(output, overwrite=overwrite) as viewer:
             number = _show(viewer, _of_recording(reader, subtract_mean))
     shown = "the viewer" if output is None else output
     show(f"{source}: {number} frames in {shown}")
