@@ -21,7 +21,7 @@ from doubles.boards import Numbered
 from radarcore.cli.main import main
 from radarcore.sensor import virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
-from recordings import CODES
+from recordings import CODES, assert_same
 from scene_files import APPROACHING
 
 
@@ -45,6 +45,66 @@ def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(
     assert "3 frames of 3 x 8 x 128 samples" in line
     written = rc.Recording.load(tmp_path / "new" / "recording")
     assert np.array_equal(written.cube, rc.Recording.load(recording).cube)
+
+
+CHANGED = """
+[radar]
+preset = "bgt60tr13c"
+num_chirps = {chirps}
+num_samples = 64
+
+[[point]]
+name = "ball"
+position = [{distance}, 0.0, 0.0]
+rcs = 0.1
+
+[[point]]
+position = [3.0, 0.0, 0.0]
+{motion}
+
+[run]
+stop = {stop}
+seed = {seed}
+"""
+
+
+def test_set_and_seed_simulate_what_an_edited_file_does(tmp_path: Path) -> None:
+    before = {"chirps": 4, "distance": 2.0, "stop": 0.05, "seed": 0, "motion": ""}
+    after = {"chirps": 8, "distance": 2.5, "stop": 0.1, "seed": 7, "motion": "velocity = [0.5, 0.0, 0.0]"}
+    (tmp_path / "given.toml").write_text(CHANGED.format(**before))
+    (tmp_path / "edited.toml").write_text(CHANGED.format(**after))
+    changes = ["radar.num_chirps=8", "point.ball.position.0=2.5", "point.1.velocity=[0.5,0,0]", "run.stop = 0.1"]
+    words = [word for text in changes for word in ("--set", text)]
+    assert main(["simulate", str(tmp_path / "given.toml"), *words, "--seed", "7"]) == 0
+    found = rc.Recording.load(tmp_path / "given")  # the default name
+    expected = rc.load_scene(tmp_path / "edited.toml").record(progress=False)
+    assert_same(found, rc.Recording(expected.cube, expected.time, expected.radar, expected.truth, found.source))
+    assert {**found.source, "set": None} == {**expected.source, "set": None}
+    assert found.source["set"] == [*changes, "run.seed=7"]
+    other = rc.load_scene(tmp_path / "given.toml").record(progress=False)
+    assert other.cube.shape != found.cube.shape
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("run.stpo=1", "scene.toml: run: unknown key 'stpo'; did you mean 'stop'?"),
+        ("rnu.stop=1", "scene.toml: unknown key 'rnu'; did you mean 'run'?"),
+        ("body.bal.mesh=1", "--set: expected an entry in 'body.bal.mesh=1', got 'bal'; did you mean 'ball'?"),
+        ("body.3.mesh=1", "--set: expected an entry in 'body.3.mesh=1', got '3'; known: 0, ball"),
+        ("radar.preset.name=1", "--set: expected a table before 'name' in 'radar.preset.name=1', got 'bgt60tr13c'"),
+        ("radar.preset=bgt60tr13c", "--set: expected KEY=VALUE in TOML, got 'radar.preset=bgt60tr13c', Invalid value"),
+        ("run.stop", "--set: expected KEY=VALUE in TOML, got 'run.stop', Invalid value"),
+        ("run.stop='far'", "scene.toml: run: stop: expected a number [s], got 'far'"),
+    ],
+)
+def test_set_names_what_is_wrong_and_what_was_meant(
+    text: str, message: str, scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(scene), "--set", text]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert [place.name for place in scene.parent.iterdir()] == ["scene.toml"]
 
 
 def test_simulate_prints_json_and_replaces_a_recording_only_when_told_to(

@@ -115,6 +115,13 @@ def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
     return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(source), "")
 
 
+def beside(source: Path, ending: str = "") -> Path:
+    """Default path of a result: beside its source, or its bag, with the name of that."""
+    path = path_and_topic(source)[0]
+    path = path if path.name not in ("", "..") else path.resolve()
+    return path.with_name(f"{path.name if path.is_dir() else path.stem}{ending}")
+
+
 def only_radar(bag: BagReader) -> str:
     """Topic of the only radar in a bag, or an error that lists all radars."""
     found = [topic.name for topic in bag.topics.values() if topic.type == FRAME_TYPE]

@@ -45,6 +45,38 @@ def values_of(file: Path) -> dict[str, Any]:
         raise ValueError(f"{file}: not TOML: expected UTF-8, got byte {error.object[error.start]:#04x}") from None
 
 
+def change(values: dict[str, Any], text: str) -> None:
+    """Change a value of a file's tables: ``run.stop=2``, with keys and value in TOML.
+
+    Entries of lists go by name or index: ``point.ball.rcs=0.1``, ``point.0.position.2=1.5``.
+    """
+    path, _, value = text.partition("=")
+    try:
+        keys, new = tomllib.loads(f"{path}=0"), tomllib.loads(f"value={value}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        hint = "texts, and names with spaces, need quotes: 'radar.preset=\"bgt60tr13c\"'"
+        raise ValueError(f"changes: expected KEY=VALUE in TOML, got {text!r}, {error}; {hint}") from None
+    names = list[str]()
+    while isinstance(keys, dict):
+        ((name, keys),) = keys.items()
+        names.append(name)
+    at: Any = values
+    for name in names[:-1]:
+        at = at.setdefault(name, {}) if isinstance(at, dict) else at[_index(at, name, text)]
+    at[names[-1] if isinstance(at, dict) else _index(at, names[-1], text)] = new
+
+
+def _index(entries: object, name: str, text: str) -> int:
+    """Index of an entry of a list by its name or index."""
+    if not isinstance(entries, list):
+        raise ValueError(f"changes: expected a table before {name!r} in {text!r}, got {_value_text(entries)}")
+    known = {str(k): k for k in range(len(entries))}
+    known |= {str(one["name"]): k for k, one in enumerate(entries) if isinstance(one, dict) and "name" in one}
+    if name not in known:
+        raise ValueError(f"changes: expected an entry in {text!r}, got {unknown(name, known)}")
+    return known[name]
+
+
 def tables_of(values: dict[str, Any], file: Path) -> SceneTable:
     """The tables of what stands in a file, with every key known and of the right type."""
     try:
