@@ -74,7 +74,7 @@ def test_no_command_is_an_error_with_help(words: list[str], capsys: pytest.Captu
         ("process rec --keep-men", "Did you mean --keep-mean?", "process"),
         ("plot rec -o a.png --kind detection", 'Did you mean "detections"?', "plot"),
         ("sensor selftest --only nose", 'Did you mean "noise"?', "sensor selftest"),
-        ("plot rec", "Expected --output, got none", "plot"),
+        ("dataset make scene.toml", "Expected --count, got none", "dataset make"),
         ("plot rec -o a.png --frame 1.5", "--frame: expected a whole number, got '1.5'", "plot"),
         ("process rec --max-range far", '--max-range: unable to convert "far" into float', "process"),
         ("sensor serve rec --speed fast", "--speed: expected a number or max, got 'fast'", "sensor serve"),

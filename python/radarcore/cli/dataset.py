@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from radarcore.cli.options import Count, Flag, Json, Number, Output, Quiet, whole_number
+from radarcore.cli.options import Count, Flag, Json, Number, OutputFolder, Quiet, whole_number
+from radarcore.cli.sources import beside
 from radarcore.cli.terminal import complain, show
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.making import make
@@ -29,7 +30,7 @@ def run_make(
     scene: Scene,
     /,
     *,
-    output: Output,
+    output: OutputFolder = None,
     count: Number,
     seed: Number = 1,
     workers: Count = None,
@@ -46,7 +47,7 @@ def run_make(
     scene : path
         scene file (TOML), in which values may be distributions
     output : path
-        dataset: a new directory
+        dataset: a new directory (default: NAME.zarr beside the scene file)
     count : int
         samples
     seed : int
@@ -60,7 +61,7 @@ def run_make(
     samples_per_shard : int
         samples of a file (default: up to 32 MB)
     """
-    began = time.perf_counter()
+    began, output = time.perf_counter(), output or beside(scene, ".zarr")
     dataset = make(
         scene,
         output,

@@ -11,12 +11,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, Output, Overwrite, Quiet, Source, SubtractMean, given, whole_number
+from radarcore.cli.options import Count, Metres, OutputFile, Overwrite, Quiet, Source, SubtractMean, given, whole_number
 from radarcore.cli.sources import (
     NOT_BARE,
     WHOLE,
     BareSamples,
     Span,
+    beside,
     load_recording,
     moving,
     moving_frame,
@@ -86,7 +87,7 @@ def run(
     source: Source,
     /,
     *,
-    output: Output,
+    output: OutputFile = None,
     kind: Annotated[str, Parameter(metavar="KIND", choices=KINDS)] = "overview",
     frame: Count = None,
     sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
@@ -107,7 +108,7 @@ def run(
     source : path
         recording, BAG:/TOPIC, or scene file (TOML)
     output : path
-        picture: .png, .pdf, .svg
+        picture: .png, .pdf, .svg (default: NAME-KIND.png beside the source)
     kind : str
         the last four need a scene file
     frame : int
@@ -124,6 +125,7 @@ def run(
         end of the velocity axis to either side [m/s]
     """
     plot.require()
+    output = output or beside(source, f"-{kind}.png")
     suffixes = (".png", ".pdf", ".svg", ".jpg")
     if output.suffix.lower() not in suffixes:
         raise ValueError(f"{output}: expected a picture ({', '.join(suffixes)}), got suffix {output.suffix!r}")

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -27,7 +28,6 @@ from radarcore.cli.options import (
     Count,
     Flag,
     Json,
-    Output,
     OutputFile,
     OutputFolder,
     Overwrite,
@@ -88,7 +88,7 @@ def run_record(
     port: Port = None,
     /,
     *,
-    output: Output,
+    output: OutputFolder = None,
     overwrite: Flag = False,
     duration: Annotated[float | None, Parameter(metavar="S", group=(OPTIONS, _LENGTH))] = None,
     frames: Annotated[Count, Parameter(group=(OPTIONS, _LENGTH))] = None,
@@ -101,7 +101,7 @@ def run_record(
     Parameters
     ----------
     output : path
-        recording: a new directory
+        recording: a new directory (default: recording-DATE-TIME)
     overwrite : bool
         replace an existing recording
     duration : float
@@ -119,6 +119,7 @@ def run_record(
         check.count("frames", frames)
     if duration is not None:
         check.positive("duration", duration, "s")
+    output = output or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}")
     check_room(output, overwrite)
     with open_sensor(port, capture=capture) as sensor:
         achieved = sensor.configure(wanted, **gains_of(settings))
