@@ -164,12 +164,11 @@ def _profile(frame: Frame, place: Array, motions: Motions | None) -> tuple[NDArr
     if distance == 0.0:
         raise ValueError("place: expected a place in front of the sensor, got the sensor's position")
 
-    # Ranges of the place at every sample of every channel, (channel, chirp, sample).
+    # Ranges of the place at every sample, (channel, chirp, sample); channels are not added, so their phases may differ.
     starts = waveform.chirp_times + radar.channel_offsets[:, None]
     times = starts[..., None] + waveform.sample_times - radar.middle
     rate = -float(away @ sensor.velocity) / distance
-    beside = radar.virtual_array @ (sensor.pose[:, :3].T @ away) / distance
-    ranges = distance + rate * times - 0.5 * beside[:, None, None]
+    ranges = distance + rate * times
     frequency = waveform.start_frequency + waveform.slope * waveform.sample_times
     phases = 4.0 * np.pi / SPEED_OF_LIGHT * ranges * frequency
     weights = np.hanning(waveform.num_chirps + 2)[1:-1]
