@@ -245,7 +245,13 @@ class Found:
     def people(self) -> Tracks:
         """Tracks of things as large as people."""
         detections = iter(self.detections)
-        return self.follow(self.recording, detector=lambda _: next(detections), targets="people", motion=self.motion)
+        return self.follow(
+            self.recording,
+            detector=lambda _: next(detections),
+            separate_echoes=True,
+            targets="people",
+            motion=self.motion,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,22 +16,22 @@ from radarcore.processing.tracking.static_map import StaticMap, is_moving, place
 EXTENT = np.array([0.1, 0.4, 0.15, 0.3])
 """Standard deviations of the centroid of the echoes of a body: range [m], velocity [m/s], across and up [m]."""
 
-_NEARER, _FARTHER, _WIDTH = 0.5, 0.8, 0.5
+NEARER, _FARTHER, _WIDTH = 0.5, 0.8, 0.5
 """Echoes come from this much before, behind and beside the track [m]; feet are below, and so farther."""
 
 _STANDING = 0.3
 """Static echoes of a person come from this much around the track [m]."""
 
-_LIMB_SPEED = 3.0
+LIMB_SPEED = 3.0
 """Limbs move at up to this speed relative to the trunk [m/s]."""
 
-_SPEED_SCALE = 1.0
+SPEED_SCALE = 1.0
 """A difference of velocities of this [m/s] weighs as much as a distance of a body's extent."""
 
 _MEMORY = 2.0
 """Static echoes are remembered for this time [s]."""
 
-_NUM_REPEATS = 3
+NUM_REPEATS = 3
 """With this number of remembered echoes a place belongs to the background."""
 
 _PLACE = np.array([0.1, 0.1])
@@ -93,22 +93,22 @@ class People:
             across = np.fmax(np.abs(values[:, 0] * difference[..., 2]) - uncertainty, 0.0)  # 0 of an unknown azimuth
 
         # Moving echoes of the whole body, static ones near the trunk of a person who is known.
-        is_near = (along > -_NEARER) & (along < _FARTHER) & (across < _WIDTH)
+        is_near = (along > -NEARER) & (along < _FARTHER) & (across < _WIDTH)
         stands = (np.abs(along) < _STANDING) & (across < _STANDING) & ~moves
         is_known = np.zeros(len(values), dtype=bool)
         if self._map is None:
             stands &= is_confirmed[:, None]
             is_background = self._is_background(values, sensor) if stands.any() else is_known
             is_unknown = is_known
-            self._remember(values[~moves & ~stands.any(axis=0)], time, sensor)
         else:
             is_background = self._map.is_known(values, covariance, sensor, 0.0)
             is_known = ~moves & self._map.is_known(values, covariance, sensor)
             is_unknown = ~moves & ~is_known
-        is_own = is_near & moves & (np.abs(speed) < _LIMB_SPEED) | stands & ~is_background
+        self._remember(values[~moves & ~is_unknown & ~stands.any(axis=0)], time, sensor)
+        is_own = is_near & moves & (np.abs(speed) < LIMB_SPEED) | stands & ~is_background
         labels = np.full(len(values), -1)
         if number > 0:
-            squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + np.fmax((speed / _SPEED_SCALE) ** 2, 0.0)
+            squares = (along / NEARER) ** 2 + (across / _WIDTH) ** 2 + np.fmax((speed / SPEED_SCALE) ** 2, 0.0)
             order = np.where(is_confirmed, 0, 1 + np.arange(number))
             costs = np.where(is_own, squares + 1e3 * order[:, None], np.inf)
             labels = np.where(is_own.any(axis=0), costs.argmin(axis=0), -1)
@@ -120,6 +120,12 @@ class People:
             labels[is_new] = number + connected(int(is_new.sum()), pairs)
         return Labels(labels, moves, is_known)
 
+    def background(self, sensor: SensorState) -> Array:
+        """Range [m] and velocity [m/s] of remembered echoes, (echo, 2), as the sensor now sees their places."""
+        relative = self._places - sensor.pose[:, 3]
+        distance = np.linalg.norm(relative, axis=1)
+        return np.stack([distance, -relative @ sensor.velocity / distance], axis=1)
+
     def _is_background(self, values: Array, sensor: SensorState) -> Mask:
         """True for detections at places that had static echoes before."""
         relative = (self._places - sensor.pose[:, 3]) @ sensor.pose[:, :3]
@@ -128,7 +134,7 @@ class People:
         here = values[:, [0, 2]] if values.shape[1] > 2 else np.stack([values[:, 0], np.zeros(len(values))], axis=1)
         is_here = ~(np.abs(wrapped(here[:, None] - remembered, self._periods[[0, 2]])) > _PLACE)
         num_here: Indices = is_here.all(axis=2).sum(axis=1)
-        return num_here >= _NUM_REPEATS
+        return num_here >= NUM_REPEATS
 
     def _remember(self, values: Array, time: float, sensor: SensorState) -> None:
         """Add static detections of a frame whose directions are known, and forget old ones."""

@@ -560,6 +560,7 @@ def track(
     *,
     detector: Callable[[Frame], Detections] | None = None,
     smooth: bool = False,
+    separate_echoes: bool = False,
     motion: AnyMotion | None = None,
     static_map: StaticMap | None = None,
     **settings: Unpack[TrackerKeywords],
@@ -570,9 +571,6 @@ def track(
     tracked: by a Kalman filter for range and range rate, or by an extended one for positions and velocities where
     detections have angles. Detections are assigned to tracks as global nearest neighbours within their gates.
 
-    If `source` has frames, `nearest` of people is the nearest point of the body. Echoes too weak for the detector count
-    too. This takes 20 ms per person and frame.
-
     Parameters
     ----------
     source : Recording or iterable of Detections or Frame
@@ -582,7 +580,10 @@ def track(
     smooth : bool
         Estimate every state from all detections of the track, the later ones too (Rauch, Tung and Striebel), instead of
         from those until then. Tracks are the same, from the same detections; frames without one then lie between those
-        before and after. So does `nearest` of people.
+        before and after. So does `nearest` with `separate_echoes`.
+    separate_echoes : bool
+        Estimate `nearest` of people from the samples, where the echoes of each person are separated: it is known in
+        frames without a detection too. Takes about 20 ms per person and frame; needs frames and ``targets="people"``.
     motion : Motion, optional
         Of the sensor, see `Tracker`; tracks are then in the world.
     static_map : StaticMap, optional
@@ -599,7 +600,7 @@ def track(
     ------
     TypeError, ValueError
         For settings and times that are refused by `TrackerSettings` and `Tracker.update`; for anything but detections
-        and frames.
+        and frames; for `separate_echoes` of detections, or of targets other than people.
 
     See Also
     --------
@@ -615,7 +616,9 @@ def track(
     >>> len(tracks), tracks[0].range.round(2).tolist()
     (1, [2.01, 1.97, 1.95, 1.92, 1.89, 1.86])
     """
-    TrackerSettings(**settings)  # refused before work starts
+    targets = TrackerSettings(**settings).targets  # refused before work starts
+    if check.flag("separate_echoes", separate_echoes) and targets != "people":
+        raise ValueError('separate_echoes: needs targets="people"')
     if detector is not None and not callable(detector):
         raise TypeError(f"detector: expected a function of a frame, got {type(detector).__name__}")
     if not isinstance(source, Iterable | Recording):
@@ -632,19 +635,24 @@ def track(
         found = item if not isinstance(item, Frame) else detect(item) if detector is None else detector(item)
         states.append(tracker.update(found))
         times.append(tracker.time)
-        if tracker.settings.targets == "people" and isinstance(item, Frame):
-            fronts.append({one.id: likelihood(item, one) for one in states[-1]})
+        if separate_echoes:
+            if not isinstance(item, Frame):
+                raise ValueError(f"separate_echoes: needs frames, got {type(item).__name__}")
+            background = tracker._people.background(tracker._sensor)
+            people = [one for one in states[-1] if one.is_confirmed]
+            fronts.append(
+                {one.id: likelihood(item, one, [x for x in people if x is not one], background) for one in states[-1]}
+            )
     tracks = tracks_of(times, states)
-    if len(fronts) == len(times):
+    if separate_echoes:
         tracks = replace(tracks, tracks=tuple(_with_front(one, fronts, smooth) for one in tracks))
     return _smoothed(tracks, tracker.settings.acceleration_density) if smooth else tracks
 
 
 def _with_front(one: Track, fronts: Sequence[Mapping[int, Array | None]], smooth: bool) -> Track:
-    """A track of a person with the nearest point of the body, where samples tell it."""
-    told = [fronts[frame][one.id] for frame in one.frame]
-    likelihoods = [each for each in told if each is not None]
-    if len(likelihoods) < len(told):
+    """A track of a person with the nearest point of the body, or as it is if a frame does not allow it."""
+    likelihoods = [each for frame in one.frame if (each := fronts[frame][one.id]) is not None]
+    if len(likelihoods) < len(one.frame):
         return one
     lead, deviation = leads(np.array(likelihoods), smooth)
     return replace(one, nearest=one.range - lead, nearest_deviation=deviation)

@@ -110,8 +110,8 @@ class TrackState(_Coordinates[float]):
         Detections of the target until then.
     nearest, nearest_deviation : float
         Range of the nearest of its detections in the frame, and the standard deviation of that detection [m]; NaN if
-        it has none. `range` is at their centroid. `track` of people in frames: range of the nearest point of the body,
-        predicted where it sends no echo.
+        it has none. `range` is at their centroid. With ``track(..., separate_echoes=True)`` of the nearest point of a
+        body, predicted where it sends no echo.
     seen : float
         Time of the newest detection of the target [s], or of the newest frame that held its place without one.
     sensor_pose : (3, 4) float64
