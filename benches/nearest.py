@@ -29,7 +29,8 @@ TEXT = """\
 Errors of `nearest` (`smooth=True`) against the nearest visible point of the body, without `separate_echoes`
 (detections) and with it. A UR10 swings the radar by +-15 degrees in the room of [the demo](demo.md): {num_shapes} walks
 of shapes, {num_meshes} of meshes, {num_frames} frames each; [by range](../benches/results/nearest.md). Range bin: {bin}
-cm. Last column: rms of error over `nearest_deviation`; these walks set the least deviation, others all other constants.
+cm. Last column: rms of error over `nearest_deviation`. The constants fit other walks, but these walks and the demo
+were also used to choose them: expect larger errors elsewhere.
 Written by `python benches/nearest.py --write`.
 
 {table}
