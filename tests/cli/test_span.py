@@ -30,7 +30,7 @@ def given(tmp_path: Path) -> Path:
         ("--start -1", 0, 6),
         ("--duration 0.05", 0, 2),
         ("--duration 0.051", 0, 3),
-        ("--start 0.025 --duration 0.05", 1, 3),  # the sum is 0.07500000000000001, of frame 3 0.075
+        ("--start 0.025 --duration 0.05", 1, 3),
         ("--start 0.1 --duration 9", 4, 6),
         ("--start -1 --duration 1.03", 0, 2),
     ],
@@ -53,6 +53,21 @@ def test_span_begins_at_the_first_frame_by_default_wherever_its_clock_is(given: 
     late.save(given.parent / "late")
     assert main(["convert", str(given.parent / "late"), str(given.parent / "part"), "--duration", "0.051"]) == 0
     np.testing.assert_array_equal(rc.Recording.load(given.parent / "part").time, late.time[:3])
+
+
+@pytest.mark.parametrize(
+    ("words", "first", "last"),
+    [
+        ("--start 0.1 --duration 0.2", 0, 2),  # the sum is 0.30000000000000004
+        ("--start 0.8", 3, 4),  # the frame's time 0.7999999999999999
+    ],
+)
+def test_rounded_sums_of_times_neither_add_nor_lose_a_frame(words: str, first: int, last: int, given: Path) -> None:
+    assert (0.1 + 0.2, 0.1 + 0.7) == (0.30000000000000004, 0.7999999999999999)
+    rounded = rc.Recording(recording(4).cube, [0.1, 0.2, 0.3, 0.1 + 0.7], recording().radar)
+    rounded.save(given.parent / "rounded")
+    assert main(["convert", str(given.parent / "rounded"), str(given.parent / "part"), *words.split()]) == 0
+    np.testing.assert_array_equal(rc.Recording.load(given.parent / "part").time, rounded.time[first:last])
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from radarcore.cli.terminal import show
 from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.compare import compare
+from radarcore.comparison.targets import FALSE_ALARM_RATE
 from radarcore.motion.protocol import Motion
 from radarcore.output import check_file
 from radarcore.processing.detection.detect import detect
@@ -30,9 +31,6 @@ _RADAR = "radar"
 """Body of motion capture that is the radar."""
 
 _PAGE, _PICTURES = ".html", (".png", ".pdf", ".svg")
-_FALSE_ALARM_RATE = 1e-4
-"""As in `compare`, which has no limits of range."""
-
 
 _LONGEST_GAP = 0.1
 """Bodies that motion capture does not see for longer have a gap [s]."""
@@ -109,7 +107,7 @@ def run(
         max_offset=max_offset,
         names=_names(names, sources),
         range_only=range_only,
-        detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **chosen),
+        detector=partial(detect, false_alarm_rate=FALSE_ALARM_RATE, **chosen),
     )
     if as_json:
         print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))

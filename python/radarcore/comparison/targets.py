@@ -218,7 +218,7 @@ def dropped_frames(recording: Recording, offset: float = 0.0) -> tuple[Dropped, 
     )
 
 
-_FALSE_ALARM_RATE = 1e-4
+FALSE_ALARM_RATE = 1e-4
 """Detections per cell of noise: less than one per frame, which tracks outlive."""
 
 _LONGEST_GAP = 0.5
@@ -292,7 +292,7 @@ def found_in(
     progress : bool
         Show a progress bar when run in a terminal.
     """
-    detections_of = partial(detect, false_alarm_rate=_FALSE_ALARM_RATE) if detector is None else detector
+    detections_of = partial(detect, false_alarm_rate=FALSE_ALARM_RATE) if detector is None else detector
     with notice.progress(recording.frames(), "detecting", "frame", total=len(recording), shown=progress) as frames:
         detections = [detections_of(frame) for frame in frames]
     wf = recording.radar.waveform
