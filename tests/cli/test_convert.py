@@ -80,7 +80,7 @@ def test_dataset_of_a_recording_is_verified_and_has_no_scene_file(
     convert(tmp_path / "rec", tmp_path / "set.zarr")
     found = rc.dataset.verify(tmp_path / "set.zarr", progress=False)
     assert (found.samples, found.missing, found.faults, found.again) == (1, 0, (), ())
-    assert main(["dataset", "info", str(tmp_path / "set.zarr")]) == 0
+    assert main(["info", str(tmp_path / "set.zarr")]) == 0
     capsys.readouterr()
     assert main(["dataset", "scene", str(tmp_path / "set.zarr"), "0"]) == 1
     assert "expected a dataset with a scene file, got one made from a recording" in capsys.readouterr().err

@@ -46,9 +46,9 @@ def test_verify_and_info(folder: Path, capsys: pytest.CaptureFixture[str]) -> No
     text = capsys.readouterr().out
     assert text.startswith("3 of 3 samples, 0 failed\n")
     assert text.endswith("".join(f"sample {number} simulated again: the same to the bit\n" for number in (0, 2)))
-    assert main(["dataset", "info", str(folder / "out")]) == 0
+    assert main(["info", str(folder / "out")]) == 0
     assert "bodies     ball\n" in capsys.readouterr().out
-    assert main(["dataset", "info", str(folder / "out"), "--json"]) == 0
+    assert main(["info", str(folder / "out"), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["samples"] == {"missing": 0, "made": 3, "failed": 0}
     assert facts["variables"]["box_size"] == "m"

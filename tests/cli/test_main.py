@@ -130,7 +130,7 @@ def test_what_is_no_command_is_a_line_with_a_hint(
         ("view scene.toml -o new.rrd --config rec", "scene.toml: expected no --config with a scene file"),
         ("view scene.toml -o new.rrd --subtract-mean", "scene.toml: expected no --subtract-mean with a scene file"),
         ("view rec -o new.png", "new.png: expected a file for Rerun (.rrd), got suffix '.png'"),
-        ("sensor info /dev/none", "/dev/none"),
+        ("info /dev/none", "/dev/none"),
         ("sensor record /dev/none -o new", "/dev/none"),
         ("sensor record /dev/none -o new --rx 4", "--rx: expected some of 1,2,3, or how many of three receivers"),
         ("sensor record /dev/none -o new --radar none.toml", "none.toml"),

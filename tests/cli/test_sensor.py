@@ -46,11 +46,11 @@ def scene(tmp_path):
 
 
 def test_info_says_what_the_board_is(port, capsys):
-    assert main(["sensor", "info", port]) == 0
+    assert main(["info", port]) == 0
     text = capsys.readouterr().out
     for part in (port, "strata", "BGT60TR13C", "2.6.0", "24.9"):
         assert part in text
-    assert main(["sensor", "info", port, "--json"]) == 0
+    assert main(["info", port, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["chip"] == "BGT60TR13C"
 
 

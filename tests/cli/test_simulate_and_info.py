@@ -213,10 +213,10 @@ pose = { position = [{ uniform = [1.5, 2.5] }, 0.0, 0.0] }
     assert all(line.endswith("got a distribution, which radarcore.dataset.Variation draws from") for line in lines)
 
 
-def test_info_of_a_dataset_names_the_command_for_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_of_a_damaged_dataset_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "zarr.json").write_text('{"attributes": {"format": "radarcore dataset", "version": 2}}')
     assert main(["info", str(tmp_path)]) == 1
-    assert "got a dataset; radarcore dataset info summarises it" in capsys.readouterr().err
+    assert "expected a dataset, got a damaged one" in capsys.readouterr().err
 
 
 def test_schema_is_text_or_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The commands of `radarcore dataset`: datasets made, verified and summarised."""
+"""The commands of `radarcore dataset`: datasets made and verified; and their summary."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def run_make(
     for failure in failed[:_SHOWN]:
         complain(f"sample {failure.sample} of seed {failure.seed} failed: {failure.error}", "warning")
     if len(failed) > _SHOWN:
-        complain(f"{len(failed) - _SHOWN} more failed, see radarcore dataset info {output}", "warning")
+        complain(f"{len(failed) - _SHOWN} more failed, see radarcore info {output}", "warning")
     frames = len(dataset) * dataset.sizes["frame"]
     if as_json:
         result = {"dataset": str(output), "samples": len(dataset), "frames": frames, "failed": len(failed)}
@@ -105,14 +105,8 @@ def run_verify(dataset: Folder, /, *, again: Number = 1, _quiet: Quiet = False, 
     return 0 if found.is_good else 1
 
 
-def run_info(dataset: Folder, /, *, as_json: Json = False) -> None:
-    """Summarise a dataset.
-
-    Parameters
-    ----------
-    dataset : path
-        dataset
-    """
+def show_dataset(dataset: Path, as_json: bool) -> None:
+    """Summarise a dataset, for `radarcore info`."""
     opened = open_dataset(dataset)
     status, failed = opened.status, opened.failed
     facts: dict[str, Any] = {

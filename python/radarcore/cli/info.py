@@ -1,4 +1,4 @@
-"""The command `radarcore info`: content of recordings, scenes, bags and meshes."""
+"""The command `radarcore info`: content of recordings, scenes, bags, datasets and meshes, and boards."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.cli.options import Json, Source
+from radarcore.cli.sensor import is_port, show_board
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.terminal import show
 from radarcore.dataset.store import attrs_of
@@ -36,17 +37,25 @@ def run(
     as_json: Json = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
-    """Print the content of a recording, a scene file, a bag or a mesh.
+    """Print the content of a recording, a scene file, a bag, a dataset or a mesh; or what a board is.
 
     Parameters
     ----------
     source : path
-        recording, scene file (TOML), ROS bag, or mesh (OBJ, STL, PLY, ...)
+        recording, scene file (TOML), ROS bag, dataset, mesh (OBJ, STL, PLY, ...), or port of a board
     scale : float
         metres per unit of a mesh
     """
     if source.suffix.lower() in SUFFIXES + STEP_SUFFIXES:
         _show_mesh(source, scale, as_json)
+        return
+    if attrs_of(source) is not None:
+        from radarcore.cli.dataset import show_dataset  # takes longer to load than the rest
+
+        show_dataset(source, as_json)
+        return
+    if is_port(port := source.as_posix()) or source.is_char_device():
+        show_board(port, as_json)
         return
     facts = _facts(source, bare.description)
     if as_json:
@@ -71,8 +80,6 @@ def _facts(path: Path, config: Description) -> dict[str, Any]:
         return _scene_facts(path)
     if is_bag(path):
         return _bag_facts(path)
-    if attrs_of(path) is not None:
-        raise ValueError(f"{path}: expected a recording, got a dataset; radarcore dataset info summarises it")
     if found := recordings_in(path):
         return {"folder": str(path), "recordings": {place.name: _recording_line(place, config) for place in found}}
     return _recording_facts(path, config)

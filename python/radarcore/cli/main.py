@@ -48,7 +48,7 @@ COMMANDS = (
     _Command(_SIMULATE, "demo", "simulate the experiment and compare it with the truth", "--duration 1 -o out/short"),
     _Command(_SIMULATE, "simulate", "simulate a scene file into a recording", "scene.toml -o out/recording"),
     _Command(_SIMULATE, "schema", "list every key of a scene file", "--json"),
-    _Command(_LOOK, "info", "summarise a recording, scene file or bag, or report on a mesh", "out/recording --json"),
+    _Command(_LOOK, "info", "summarise a recording, scene file, bag, dataset, mesh or board", "out/recording --json"),
     _Command(_LOOK, "plot", "draw a recording or a scene file", "out/recording -o map.png --kind map --max-range 5"),
     _Command(_LOOK, "view", "show a scene file or a recording in Rerun (extra `rerun`)", "out/recording -o rec.rrd"),
     _Command(
@@ -71,10 +71,8 @@ COMMANDS = (
         "scene.toml -o out/set --count 10000 --workers 2",
     ),
     _Command(_SIMULATE, "dataset verify", "check all files of a dataset, simulate samples again", "out/set --again 20"),
-    _Command(_SIMULATE, "dataset info", "summarise a dataset", "out/set --json"),
     _Command(_SIMULATE, "dataset scene", "print the scene file of a sample, which gives the same frames", "out/set 17"),
     _Command(_BOARDS, "sensor list", "list the boards that respond", ""),
-    _Command(_BOARDS, "sensor info", "print type and temperature of a board", "/dev/ttyACM0"),
     _Command(
         _BOARDS,
         "sensor record",

@@ -72,8 +72,8 @@ def run_list(*, as_json: Json = False) -> int:
     return 0
 
 
-def run_info(port: Port = None, /, *, as_json: Json = False) -> None:
-    """Print type and temperature of a board."""
+def show_board(port: str, as_json: bool) -> None:
+    """Print type and temperature of a board, for `radarcore info`."""
     from radarcore.sensor import open_sensor
 
     with open_sensor(port) as sensor:
@@ -219,7 +219,7 @@ def _frames(
     source: str | None, speed: float | None, settings: BoardSettings, stack: ExitStack
 ) -> tuple[Iterator[Frame], str, bool]:
     """Frames of a source, its name, and true for a sensor."""
-    if source is not None and not _is_port(source):
+    if source is not None and not is_port(source):
         path = Path(source)
         if path.suffix == ".toml":
             refuse_settings(settings, source)
@@ -240,7 +240,7 @@ def _frames(
     return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
 
 
-def _is_port(source: str) -> bool:
+def is_port(source: str) -> bool:
     """True for the name of a port or a ``capture:``; ``COM3`` is a port, ``COMPLETE`` a file."""
     return (
         source.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", source, re.IGNORECASE) is not None

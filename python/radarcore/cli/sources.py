@@ -151,7 +151,7 @@ def _only_sample(path: Path) -> Recording:
 
     if (count := len(dataset := open_dataset(path))) != 1:
         raise ValueError(
-            f"{path}: expected a recording, or a dataset of one sample, got {count} samples; radarcore dataset info "
+            f"{path}: expected a recording, or a dataset of one sample, got {count} samples; radarcore info "
             "summarises it, Dataset.recording gives one of them"
         )
     return dataset.recording(0)
