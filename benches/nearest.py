@@ -27,8 +27,8 @@ TEXT = """\
 ## Nearest point of a person
 
 `separate_echoes` reduces the median error of `nearest` (`smooth=True`) in the room of [the demo](demo.md):
-{medians}; [by range](../benches/results/nearest.md). These walks and the demo were also used to choose constants: expect
-larger errors elsewhere. Written by `python benches/nearest.py --write`.
+{medians}; [by range](../benches/results/nearest.md). These walks and the demo were also used to choose constants:
+expect larger errors elsewhere. Written by `python benches/nearest.py --write`.
 """
 TABLE = """\
 # Nearest point of a person, by range
