@@ -13,7 +13,7 @@ import radarcore as rc
 from infineon_folders import array, folder, some_codes
 from radarcore.cli.main import main
 from radarcore.cli.sources import load_recording
-from radarcore.recording.frame import to_samples
+from radarcore.recording.frame import to_samples, unit_of
 from recordings import assert_same, real_recording, recording, sensor_frame
 
 NEEDS = {".mcap": "rosbags", ".db3": "rosbags", ".zarr": "zarr"}
@@ -184,3 +184,16 @@ def test_dataset_of_several_samples_is_no_recording(
     assert "expected a recording, or a dataset of one sample, got 2 samples" in capsys.readouterr().err
     expected = dataset.sample(1).simulation().record(progress=False)
     assert_same(found := dataset.recording(1), replace(expected, source=found.source))
+
+
+def test_frames_of_a_dataset_keep_the_unit_of_their_samples(tmp_path: Path) -> None:
+    replace(recording(), source={"cube_unit": "counts"}).save(tmp_path / "rec")
+    convert(tmp_path / "rec", tmp_path / "set.zarr")
+    units = []
+
+    def seen(frame: rc.Frame) -> np.ndarray:
+        units.append(unit_of(frame))
+        return frame.cube
+
+    frames = list(rc.dataset.open_dataset(tmp_path / "set.zarr").frames(output=seen))
+    assert units == ["counts"] * len(frames) == ["counts"] * 3

@@ -21,7 +21,7 @@ from radarcore.dataset.store import STATUS, Shards, file_of, opened, stored_samp
 from radarcore.dataset.training import Frames, Output, output_of
 from radarcore.dataset.variation import Variation
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Frame, Truth, frame_of, to_codes, to_samples
+from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Frame, Truth, to_samples
 from radarcore.recording.native import UNITS
 from radarcore.recording.recording import Recording
 
@@ -169,16 +169,12 @@ class Dataset:
         paths = {name: path for name in self.names if (path := self.attributes(name).get("path")) is not None}
         drawn = {path: arrays[name].item() for name, path in paths.items()}
         others = {"cube", "time", "status", "error", *paths}
-        has_truth = all(f"true_{name}" in arrays for name in TRUTH_FIELDS)
-        radar = self.radar_of(sample)
+        recording = self._recording(sample, arrays)
         for number in numbers:
-            truth = None
-            if has_truth:
-                truth = Truth(self.body_names, *(arrays[f"true_{name}"][number] for name in TRUTH_FIELDS))
-            cube, time = arrays["cube"][number], float(arrays["time"][number])
-            labels = {"sample": sample, "frame": number, "time": time, **drawn}
+            frame = recording[number]
+            labels = {"sample": sample, "frame": number, "time": frame.time, **drawn}
             labels |= {name: values[number] for name, values in arrays.items() if name not in others}
-            yield frame_of(cube, time, radar, truth, raw=to_codes(cube) if self.has_codes else None), labels
+            yield frame, labels
 
     def recording(self, index: int) -> Recording:
         """A sample as a recording in memory, with its truth if the dataset has it: for pictures, processing and files.
@@ -201,7 +197,11 @@ class Dataset:
         """
         if self.status[check.index("index", index, len(self))] != STATUS["made"]:
             raise ValueError(f"index: expected a sample that was made, got {index}, which failed or is missing")
-        arrays, truth = self[index], None
+        return self._recording(index, self[index])
+
+    def _recording(self, index: int, arrays: dict[str, NDArray[Any]]) -> Recording:
+        """The recording of a sample's arrays."""
+        truth = None
         if all(f"true_{name}" in arrays for name in TRUTH_FIELDS):
             truth = Truth(self.body_names, *(arrays[f"true_{name}"] for name in TRUTH_FIELDS))
         source = json.loads(self.attrs.get("source", "{}"))
