@@ -1,4 +1,4 @@
-"""A figure of rigid segments that walks or stands: the poses of all segments from the angles of the joints."""
+"""A walking or standing figure of rigid segments: poses of all segments from the joint angles."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ Support = Callable[[Floats], Floats]
 """Smallest product of directions (n, 3) with the points of a shape, (n,)."""
 
 _LIFT_PHASES = 2048
-"""Phases of a cycle at which the height of the soles is compared."""
+"""Number of phases of a cycle to sample the height of the soles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A person's walk along a path; fields as the parameters of `Human`."""
+    """A person's walk along a path; the fields are parameters of `Human`."""
 
     height: float
     speed: float
@@ -51,7 +51,7 @@ class Walk:
 
     @property
     def is_static(self) -> bool:
-        """True for a person who stands and does not breathe."""
+        """True for a standing person without breathing."""
         return self.speed == 0.0 and self.breathing is None
 
     @property
@@ -66,10 +66,10 @@ class Walk:
 
 
 class Skeleton(NamedTuple):
-    """Positions of the joints, (3,) each [m]; limbs of the left side; the right side is its mirror image."""
+    """Positions of the joints, (3,) each [m]; limbs of the left side, which the right side mirrors."""
 
     waist: Floats
-    """Centre of the trunk's turns, from midway between the hips, in the axes of the pelvis."""
+    """Centre of the trunk's rotations, from midway between the hips, in the axes of the pelvis."""
     hip: Floats
     """Left hip, from midway between the hips, in the axes of the pelvis."""
     knee: Floats
@@ -89,11 +89,11 @@ class Skeleton(NamedTuple):
 
 
 class Figure(Links):
-    """A skeleton that walks or stands as a person does: poses and rates of all segments, together and one by one."""
+    """A walking or standing skeleton: poses and rates of all segments, together or individually."""
 
     def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
         self._walk = walk
-        # Positions along the axes of the segments that carry each: (segment, segment, axis).
+        # Positions along the axes of the carrying segments: (segment, carrier, axis).
         carried = _CHAINS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
         self._carried = carried.sum(axis=1)
         self._reach = _reach(self._carried)
@@ -126,7 +126,7 @@ class Figure(Links):
 
     def lowest_sole(self, lowest: Support) -> float:
         """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
-        reach, sums = _reach(self._carried[_LEG][:, _LEG]), _TURNS[:, :, _LEG]
+        reach, sums = _reach(self._carried[_LEG][:, _LEG]), _SEGMENT_ANGLES[:, :, _LEG]
         foot = _maps(*self._gait(np.linspace(0.0, 1.0, _LIFT_PHASES), 1, sums), reach)[0, :, -1]
         return float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
 
@@ -134,11 +134,11 @@ class Figure(Links):
         """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
         walk = self._walk
         elapsed = check.numbers("times", times) - walk.start_time
-        turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders, _TURNS)
+        turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders, _SEGMENT_ANGLES)
         chest = self._sway(elapsed, turns, root)
         place, heading, curvature = walk.path.points_at(walk.speed * elapsed)
         turns[0, :, 0] += heading[:, None]
-        # The root sways about its place on the path, in axes that turn with the heading.
+        # The root sways about its place on the path, in axes that rotate with the heading.
         sway = root[..., 0] + 1j * root[..., 1]
         if orders > 1:
             turn_rate = walk.speed * curvature
@@ -155,14 +155,14 @@ class Figure(Links):
         return maps
 
     def _sway(self, elapsed: Floats, turns: Floats, root: Floats) -> Floats | None:
-        """Sway of a person who stands, added to angles and root, and displacement of the chest (orders, n) [m]."""
+        """Add the sway of a standing person to angles and root; return the chest's displacement (orders, n) [m]."""
         walk = self._walk
         if walk.speed > 0.0 or walk.breathing is None:
             return None
         lean, roll, chest = standing.posture(elapsed, walk.breathing, self._sway_phases, len(turns))
         turns[:, :, 2, _ABOVE_THE_FEET] += lean[..., None]
         turns[:, :, 1, _BETWEEN_HIPS_AND_FEET] += roll[..., None]
-        # The ankles stay in place. Hips are the upper ends of legs that turn about the ankles by Rx Ry.
+        # The ankles stay in place. Hips are the upper ends of the legs, which rotate about the ankles by Rx Ry.
         (cx, sx), (cy, sy) = ((np.cos(angle[0]), np.sin(angle[0])) for angle in (roll, lean))
         root[0] -= self._leg * np.stack([sy, -sx * cy, cx * cy - 1.0], axis=-1)
         for rate, along, about in zip(root[1:], lean[1:], roll[1:], strict=True):
@@ -173,8 +173,8 @@ class Figure(Links):
     def _gait(self, phase: Floats, orders: int, sums: Floats) -> tuple[Floats, Floats]:
         """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
 
-        Every segment turns by ``Rz Rx Ry``: the limbs swing about the y axis of pelvis or trunk, so that their angles
-        add up, as `sums` of segments has them (see `_TURNS`). The root lacks even motion.
+        Every segment rotates by ``Rz Rx Ry``. The limbs swing about the y axis of pelvis or trunk, so that their angles
+        add up with the coefficients `sums`, see `_SEGMENT_ANGLES`. The root excludes the uniform forward motion.
         """
         walk = self._walk
         if walk.speed > 0.0:
@@ -191,7 +191,7 @@ class Figure(Links):
 
 
 def _maps(turns: Floats, root: Floats, reach: Floats) -> Floats:
-    """Maps of segments (orders, n, segment, 3, 4) from angles as of `Figure._gait`, the root and `_reach`.
+    """Maps of segments (orders, n, segment, 3, 4) from the angles and root of `Figure._gait` and `_reach`.
 
     The first axis holds the value and, with two orders, the time derivative.
     """
@@ -204,7 +204,7 @@ def _maps(turns: Floats, root: Floats, reach: Floats) -> Floats:
     axes[0, :, 0], axes[0, :, 1] = cz * first - sz * second, sz * first + cz * second
     axes[0, :, 2] = np.concatenate([-cx * sy, sx, cx * cy], axis=-1)
     if len(turns) > 1:
-        # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
+        # Angular velocity: about the vertical, about the rotated x axis, about the segment's y axis.
         about_z, about_x, about_y = turns[1].swapaxes(0, 1)
         angular = about_y[:, None] * axes[0, ..., 1]
         angular[:, 0] += about_x * cz[..., 0]
@@ -213,22 +213,22 @@ def _maps(turns: Floats, root: Floats, reach: Floats) -> Floats:
         # Its cross product with the three axes.
         after, last = [1, 2, 0], [2, 0, 1]
         axes[1] = angular[:, after, :, None] * axes[0][:, last] - angular[:, last, :, None] * axes[0][:, after]
-    # Origins lie fixed in the axes of other segments, which carry them.
+    # Origins are fixed in the axes of the carrying segments.
     maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ reach
     return maps.swapaxes(2, 3)
 
 
 def lift_of(walk: Walk, skeleton: Skeleton, lowest: Support) -> float:
-    """Lift of the hips over `HIP_HEIGHT` at which the soles touch the floor, but are never under it [m]."""
+    """Lift of the hips over `HIP_HEIGHT` so that the lowest point of the soles touches the floor [m]."""
     return -Figure(walk, skeleton, 0.0).lowest_sole(lowest)
 
 
-# Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.
+# Angles of the gait in the limit of zero speed [degrees]: shoulders and elbows.
 _STANDING = np.array([*2 * (0.0, 0.0, 0.0, 3.0, 3.0), *4 * (0.0,)])
 
 
-def _turns() -> Floats:
-    """Angles of all segments about z, x and y as sums of the angles of the gait, (angle of the gait, 3, segment)."""
+def _segment_angles() -> Floats:
+    """Coefficients of segment angles about z, x and y as sums of gait angles, (gait angle, 3, segment)."""
     *limbs, roll, torsion, thorax, lean = np.deg2rad(np.eye(len(_STANDING)))
     hip, knee, ankle, shoulder, elbow = np.array([limbs[:5], limbs[5:]]).swapaxes(0, 1)
     about_z, about_x, about_y = turns = np.zeros((3, len(SEGMENTS), len(_STANDING)))
@@ -236,7 +236,7 @@ def _turns() -> Floats:
     about_z[pelvis_and_legs], about_z[trunk_and_arms] = -torsion, -thorax
     about_x[pelvis_and_legs] = roll
     about_y[trunk_and_arms] = -lean
-    # Limbs, left and right; the knee bends backwards, the hand is stiff in the wrist.
+    # Left and right limbs; the knee bends backwards, the wrist is rigid.
     about_y[4:6] = -hip
     about_y[6:8] = knee - hip
     about_y[8:10] = knee - hip - ankle
@@ -246,9 +246,9 @@ def _turns() -> Floats:
     return np.moveaxis(turns, -1, 0).copy()
 
 
-_TURNS = _turns()
+_SEGMENT_ANGLES = _segment_angles()
 
-# The segment that carries the origin of each of SEGMENTS, at a fixed place in its axes.
+# Carrier of each of SEGMENTS: the segment in whose axes its origin is fixed.
 _CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
 
 
@@ -257,19 +257,19 @@ _ABOVE_THE_FEET = [k for k, name in enumerate(SEGMENTS) if not name.endswith("fo
 _BETWEEN_HIPS_AND_FEET = [k for k, name in enumerate(SEGMENTS) if name.endswith(("thigh", "shank"))]
 
 _LEG = [SEGMENTS.index(name) for name in ("pelvis", "right_thigh", "right_shank", "right_foot")]
-"""All that carries the right foot, and itself."""
+"""The right foot and its carriers."""
 
 
 def _reach(carried: Floats) -> Floats:
-    """Positions of segments as a product with the axes of all of them, (segment and axis, segment)."""
+    """Matrix from the axes of all segments to the positions of segments, (segment and axis, segment)."""
     return np.ascontiguousarray(carried.reshape(len(carried), -1).T)
 
 
 def _chains() -> Floats:
-    """Path of carriers from midway between the hips to each segment, (segment, segment): 1 on the path, else 0."""
+    """Chain of carriers from midway between the hips to each segment, (segment, segment): 1 in the chain, else 0."""
     chains = np.eye(len(SEGMENTS))
     for segment, carrier in enumerate(_CARRIERS):
-        if carrier > 0:  # what the pelvis carries begins midway between the hips, not at its origin
+        if carrier > 0:  # the pelvis carries segments from midway between the hips, not from its origin
             chains[segment] += chains[carrier]
     return chains
 
@@ -278,7 +278,7 @@ _CHAINS = _chains()
 
 
 def _offsets(skeleton: Skeleton) -> Floats:
-    """Origins of the segments from those of their carriers, in the carriers' axes, (segment, 3) [m]."""
+    """Origin of each segment relative to its carrier's origin, in the carrier's axes, (segment, 3) [m]."""
     waist, hip, knee, ankle, neck, head, shoulder, elbow, wrist = skeleton
     limbs = np.array([[joint, joint * [1.0, -1.0, 1.0]] for joint in (hip, knee, ankle, shoulder, elbow, wrist)])
     return np.concatenate([[waist, waist, neck, head], limbs.reshape(-1, 3)])

@@ -1,16 +1,16 @@
-"""Human walking as functions of phase and speed: joint angles and the sway of the trunk.
+"""Human walking as a function of phase and speed: joint angles and motion of the trunk.
 
 R. Boulic, N. Magnenat-Thalmann, D. Thalmann, "A global human walking model with real-time kinematic personification",
-The Visual Computer 6 (1990) 344-358. Periodic, with one parameter: the relative speed RV = speed / hip height, from
-just above 0 to 3 per second (measured up to about 2.3).
+The Visual Computer 6 (1990) 344-358. The model is periodic and has one parameter: the relative speed RV = speed / hip
+height, above 0 and up to 3 per second (measured up to about 2.3).
 
-Phase 0 is the right heel strike and a cycle of two steps is 1; any phase is taken modulo 1. Angles are in **degrees**,
-as in the paper, and translations in hip heights. `posture` takes arrays of phases; ``orders=2`` also gives the exact
-derivative by phase.
+Phase 0 is the right heel strike and a cycle of two steps has length 1; phases count modulo 1. Angles are in
+**degrees**, as in the paper, and translations in hip heights. `posture` takes arrays of phases; ``orders=2`` also gives
+the exact derivative by phase.
 
-All curves are Fourier series, and so are all their derivatives. The paper's curves through its control points (monotone
-cubics, PCHIP; half cosines for the roll of the pelvis) have accelerations that jump; they are smoothed by a Gaussian of
-0.7 % of a cycle and pass through the same points. No angle changes by more than 0.2 degrees.
+All curves and their derivatives are Fourier series. The paper's curves through its control points (monotone cubics,
+PCHIP; half cosines for the roll of the pelvis) have discontinuous accelerations. They are smoothed by a Gaussian of
+0.7 % of a cycle and still pass through the same points. No angle changes by more than 0.2 degrees.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ _Points = list[tuple[float, float]]
 MAX_RELATIVE_SPEED = 3.0
 """Largest relative speed of the formulas [1/s]."""
 
-# Standard deviation of the Gaussian that smooths curves, in cycles: 8 ms of a walk.
+# Standard deviation of the smoothing Gaussian, in cycles: 8 ms of a walk.
 _SMOOTHING = 0.007
-# Harmonics of the series: the Gaussian leaves 1e-7 of the last, which is below 1e-4 degrees before.
+# Harmonics of the series: the Gaussian attenuates the last, which is below 1e-4 degrees, by 1e-7.
 _NUM_HARMONICS = 128
 _HARMONICS = np.arange(_NUM_HARMONICS)
-# Samples of a cycle that series are made from.
+# Samples of a cycle to compute the series.
 _NUM_SAMPLES = 1024
 _SAMPLE_PHASES = np.arange(_NUM_SAMPLES) / _NUM_SAMPLES
 
 
 def cycle_duration(relative_speed: float) -> float:
-    """Duration of two steps [s], for a relative speed [1/s] above 0 and up to 3."""
+    """Duration of two steps [s] for a relative speed above 0 and up to 3 [1/s]."""
     if not 0.0 < relative_speed <= MAX_RELATIVE_SPEED:
         raise ValueError(
             f"relative_speed: expected more than 0 and at most {MAX_RELATIVE_SPEED:g} hip heights per second, "
@@ -53,7 +53,7 @@ def cycle_duration(relative_speed: float) -> float:
 
 
 def stance_fraction(relative_speed: float) -> float:
-    """Part of the cycle during which a foot is on the floor."""
+    """Part of the cycle with a given foot on the floor."""
     duration = cycle_duration(relative_speed)
     return (0.752 * duration - 0.143) / duration
 
@@ -62,21 +62,21 @@ class Posture(NamedTuple):
     """Whole body at some phases; the first axis holds the values and, with two orders, the derivatives by phase."""
 
     angles: _Floats
-    """Angles, (order, ..., 14) [degrees]: hip, knee, ankle, shoulder and elbow on the left and the right, where flexion
-    is positive; roll, torsion, thorax and lean of the trunk. The pelvis turns by ``Rz(-torsion) Rx(roll)``, the trunk
-    above it by ``Rz(-thorax) Ry(-lean)``, with x forward, y left, z up. Negative lean is forward."""
+    """Angles, (order, ..., 14) [degrees]: hip, knee, ankle, shoulder and elbow on the left and the right, with positive
+    flexion; roll, torsion, thorax and lean of the trunk. The pelvis rotates by ``Rz(-torsion) Rx(roll)``, the trunk by
+    ``Rz(-thorax) Ry(-lean)``, with x forward, y left, z up. Negative lean is forward."""
     root: _Floats
-    """Deviation of the pelvis from even forward motion: forward, left, up, (order, ..., 3) [hip heights]."""
+    """Deviation of the pelvis from uniform forward motion: forward, left, up, (order, ..., 3) [hip heights]."""
 
 
 def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:
-    """Posture: both sides, trunk and root together; with ``orders=2`` their derivatives too."""
+    """Posture of the whole body; with ``orders=2`` its derivatives too."""
     curves = _series(relative_speed).at(phase, orders)
     return Posture(curves[..., :14], curves[..., 14:])
 
 
 def control_points(relative_speed: float) -> dict[str, _Points]:
-    """Points (phase, angle [degrees]) that the curves of hip, knee, ankle, elbow and thorax pass through."""
+    """Control points (phase, angle [degrees]) of the curves of hip, knee, ankle, elbow and thorax."""
     RV, s = relative_speed, stance_fraction(relative_speed)
     k, q = (RV - 1.3) / 1.7, (RV - 0.5) / 0.8
     if RV < 0.5:
@@ -119,7 +119,7 @@ class _FourierSeries:
 
     def __init__(self, coefficients: _Phasors) -> None:
         both = np.array([coefficients, 2j * np.pi * _HARMONICS[:, None] * coefficients])
-        # Real factors of the real and imaginary parts of the powers, one below the other.
+        # Real factors of the real and imaginary parts of the powers, stacked.
         self._factors = np.stack([both.real, -both.imag], axis=2).reshape(2, 2 * _NUM_HARMONICS, -1)
 
     def at(self, phase: ArrayLike, orders: int) -> _Floats:
@@ -130,7 +130,7 @@ class _FourierSeries:
 
 
 def _powers(phases: _Floats) -> _Phasors:
-    """``exp(2 pi i h phase)`` of all harmonics h, (phase, harmonic): products of 24 powers."""
+    """``exp(2 pi i h phase)`` for all harmonics h, (phase, harmonic), as products of 24 powers."""
     turns = 2j * np.pi * (phases % 1.0)
     coarse = np.exp(turns[:, None] * _HARMONICS[::16])
     fine = np.exp(turns[:, None] * _HARMONICS[:16])
@@ -139,7 +139,7 @@ def _powers(phases: _Floats) -> _Phasors:
 
 @lru_cache(maxsize=64)
 def _series(relative_speed: float) -> _FourierSeries:
-    """Curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
+    """Curves at one speed: joints of the left and right limbs, angles of the trunk, and the root."""
     RV = relative_speed
     late = 0.625 - stance_fraction(RV)
     angles = {
@@ -163,8 +163,8 @@ def _series(relative_speed: float) -> _FourierSeries:
 def _smooth_curve(points: dict[float, float], interpolate: Callable[[_Floats, _Floats], _Floats]) -> _Phasors:
     """Coefficients of a curve through points (phase to angle), smoothed by the Gaussian, (harmonic,).
 
-    Smoothing takes the curve off its points. Bumps that rise and fall between the neighbours of a point, smoothed
-    likewise, bring it back; their heights solve a linear system.
+    Smoothing moves the curve away from its points. Smoothed bumps between the neighbours of each point correct this;
+    their heights solve a linear system.
     """
     phases, angles = np.array(sorted(points.items())).T
     smoothed = _smoothed(interpolate(phases, np.column_stack([angles, np.eye(len(phases))])))
@@ -190,7 +190,7 @@ def _monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
 
 
 def _half_cosines(phases: _Floats, values: _Floats) -> _Floats:
-    """Samples of periodic curves that go from value to value by halves of a cosine."""
+    """Samples of periodic curves that connect the values by half cosines."""
     piece = np.searchsorted(phases, _SAMPLE_PHASES, side="right") - 1
     following = (piece + 1) % len(phases)
     u = ((_SAMPLE_PHASES - phases[piece]) % 1.0) / ((phases[following] - phases[piece]) % 1.0)
@@ -206,5 +206,5 @@ def _sine(amplitude: float, harmonic: int, ahead: float, mean: float = 0.0) -> _
 
 
 def _amplitude(slow: float, fast: float, relative_speed: float) -> float:
-    """Amplitude that grows as ``slow RV (1 - RV)`` up to RV = 0.5 and stays at `fast` from there."""
+    """Amplitude that grows as ``slow RV (1 - RV)`` up to RV = 0.5 and then stays at `fast`."""
     return slow * relative_speed * (1.0 - relative_speed) if relative_speed < 0.5 else fast

@@ -1,4 +1,4 @@
-"""A person who walks or stands: 16 rigid segments that follow the gait along a path, as spheroids or real meshes."""
+"""A walking or standing person: 16 rigid segments that follow the gait along a path, as spheroids or real meshes."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ _FASTEST_BREATHING = 2.0
 
 @sealed
 class Human(Links):
-    """A person who walks or stands, of 16 rigid segments, every one with its exact pose and velocity at any time.
+    """A walking or standing person of 16 rigid segments, each with exact pose and velocity at any time.
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
-    `radarcore.models.people.gait`), which depends on speed and height alone. The person stays upright, faces where the
-    path leads and walks on straight before its first and after its last waypoint: in and out of a scene. Velocities,
-    accelerations and their derivatives are continuous, in turns of the path too.
+    `radarcore.models.people.gait`), which depends only on speed and height. The person stays upright and faces along
+    the path. Before the first and after the last waypoint the person walks straight, into and out of the scene.
+    Velocities, accelerations and their derivatives are continuous, also in turns of the path.
 
-    The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
-    at running speeds by more. The lowest point of a cycle touches the floor z = 0. It does not lean into turns.
+    The model does not fix the feet to the floor: at 1.4 m/s the sole slides at up to 0.5 m/s and rises by up to 2 cm,
+    more at running speeds. The lowest point of a cycle touches the floor z = 0. The person does not lean into turns.
 
-    A person who stands breathes and sways: the chest moves by 4 mm with every breath, and the body turns about the
-    ankles by 0.26 degrees rms forward and back, the legs by 0.22 degrees to the sides (published amplitudes, see
-    `radarcore.models.people.standing`). The feet rest. A person who walks does neither, as the gait hides both.
+    A standing person breathes and sways: the chest moves by 4 mm with every breath, the body rotates about the ankles
+    by 0.26 degrees rms forward and back, and the legs by 0.22 degrees sideways (published amplitudes, see
+    `radarcore.models.people.standing`). The feet rest. A walking person does neither, because the gait masks both.
 
     Parameters
     ----------
@@ -54,29 +54,29 @@ class Human(Links):
         Mean speed along the path [m/s], up to 3 hip heights (0.53 of the height) per second. At 0 the person stands at
         the first waypoint and faces the second.
     path : (n, 2) array_like
-        Waypoints on the floor, x and y [m], at least two; corners between them are cut as `turn_radius` says.
+        Waypoints on the floor, x and y [m], at least two; turns cut the corners, see `turn_radius`.
     turn_radius : float
         Smallest radius of the turns of the path [m], see `radarcore.models.people.path.FloorPath`.
     start_time : float
         Time at which the pelvis is at the first waypoint [s].
     phase : float
-        Phase of the gait at `start_time` in cycles of two steps: the right heel strikes at 0, the left one at 0.5.
-        People who stand sway differently at different places, and with different phases.
+        Phase of the gait at `start_time` in cycles of two steps: the right heel strikes at 0, the left heel at 0.5.
+        Standing people sway differently at different places and with different phases.
     mass : float, optional
         Body mass [kg], for the volumes; default: 70 kg at 1.75 m, in proportion to the square of the height.
     breathing : float, optional
-        Breaths per second of a person who stands [Hz], at most 2. With None the person is as still as a statue, and
-        frames are simulated faster.
+        Breaths per second of a standing person [Hz], at most 2. With None the person is static, and simulation is
+        faster.
 
     Raises
     ------
     ValueError
-        For a height above 3 m, an impossible mass for that height, a speed above the model's limit, more than 2 breaths
-        per second, and for a path with legs too short for its turns.
+        For a height above 3 m, an impossible mass for the height, a speed above the model's limit, more than 2 breaths
+        per second, and a path with legs too short for its turns.
 
     See Also
     --------
-    Human.bodies : Its bodies for a scene.
+    Human.bodies : Bodies for a scene.
     models.RobotArm : An arm.
     Scene : Takes the bodies.
 
@@ -111,7 +111,7 @@ class Human(Links):
         if self.speed > fastest:
             raise ValueError(
                 f"speed: expected at most {fastest:.3g} m/s for a height of {self.height:g} m (3 hip heights per "
-                f"second, where the walking model ends), got {self.speed:g}"
+                f"second, the limit of the walking model), got {self.speed:g}"
             )
         self.path: FloorPath = FloorPath(path, turn_radius)
         self.start_time: float = check.number("start_time", start_time, "s")
@@ -146,14 +146,14 @@ class Human(Links):
     def segment_motion(self, name: str) -> Motion:
         """Motion of a segment, one of `SEGMENTS`.
 
-        The origin is its upper joint: hip, knee and ankle of the leg, shoulder, elbow and wrist of the arm; midway
-        between the hips for pelvis and trunk, between the shoulders for the neck, and the chin's height on the trunk's
-        axis for the head. Upright, with legs and arms hanging, the axes are x forward, y left, z up.
+        The origin is the upper joint: hip, knee or ankle for the leg, shoulder, elbow or wrist for the arm. Pelvis and
+        trunk have it midway between the hips, the neck between the shoulders, and the head on the trunk's axis at the
+        height of the chin. With hanging legs and arms, the axes are x forward, y left, z up.
         """
         return self._figure.motion(name)
 
     def link_poses_at(self, times: ArrayLike) -> Floats:
-        """``[rotation | position]`` of all `SEGMENTS` at several times [s], (n, segment, 3, 4), to the world."""
+        """``[rotation | position]`` from all `SEGMENTS` to the world at several times [s], (n, segment, 3, 4)."""
         return self._figure.link_poses_at(times)
 
     def link_poses_and_rates_at(self, times: ArrayLike) -> Floats:
@@ -168,7 +168,7 @@ class Human(Links):
         material : Material, optional
             Default: ``materials["skin"]``.
         name : str
-            The bodies are called ``name/segment``, such as ``human/left_foot``.
+            Bodies have names ``name/segment``, such as ``human/left_foot``.
         subdivisions : int
             Subdivisions of every spheroid, as for `shapes.sphere`: ``20 * 4**subdivisions`` triangles.
 
@@ -192,8 +192,8 @@ class Human(Links):
     def mesh_bodies(self, material: Material | None = None, name: str = "human") -> list[Body]:
         """The person as 16 real meshes of a man, scaled to the height (extra `robots`; about 109 000 triangles).
 
-        They follow the same joint angles, with the man's own proportions: the joints of the limbs are within 0.1 m of
-        `segment_motion`, and pelvis and trunk have their origin at his waist. Parameters and names as for `bodies`.
+        The meshes follow the same joint angles with the man's proportions: the joints of the limbs are within 0.1 m of
+        `segment_motion`, and pelvis and trunk have their origin at the waist. Parameters and names as for `bodies`.
         """
         scale, meshes = _real_meshes(self.height)
         joints = real_skeleton(real_man()[0], scale)
@@ -211,21 +211,21 @@ def _unit_sphere(subdivisions: int) -> Mesh:
 
 @lru_cache(maxsize=160)  # of sixteen people, of 0.6 MB each
 def _spheroid(semi_axes: tuple[float, ...], center: tuple[float, ...], subdivisions: int) -> Mesh:
-    """Mesh of a spheroid [m]; people of one height and mass share theirs."""
+    """Mesh of a spheroid [m]; people of equal height and mass share it."""
     unit = _unit_sphere(subdivisions)
     return Mesh(unit.vertices * np.array(semi_axes) + np.array(center), unit.triangles)
 
 
 @lru_cache(maxsize=64)
 def _lift(height: float, speed: float, mass: float) -> float:
-    """Lift of a person of spheroids, which is independent of path and time [m]."""
+    """Lift of a person of spheroids, independent of path and time [m]."""
     walk = Walk(height, speed, FloorPath([[0.0, 0.0], [1.0, 0.0]], 0.4), 0.0, 0.0)
     return lift_of(walk, skeleton(height), spheroids(height, mass)["foot"].lowest)
 
 
 @lru_cache(maxsize=8)  # of 20 MB each
 def _real_meshes(height: float) -> tuple[float, dict[str, Mesh]]:
-    """Scale of the real man, and his segments in their own axes, at a body height [m]."""
+    """Scale of the real man and the meshes of his segments, each in its own axes, at a body height [m]."""
     rest, parts = real_man()
     scale = height / max(mesh.bounds[1, 2] for mesh in parts.values())
     return scale, {

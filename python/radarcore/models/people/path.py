@@ -1,4 +1,4 @@
-"""Paths on the floor: straight legs between waypoints, joined by turns whose curvature rises and falls smoothly."""
+"""Paths on the floor: straight legs between waypoints, joined by turns with smooth curvature."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from radarcore.records import sealed
 _Floats = NDArray[np.float64]
 _Phasors = NDArray[np.complex128]
 
-# Turns below this angle [rad] are left out: the heading jumps by less than any pose can show.
+# Turns below this angle [rad] are omitted: the jump of the heading is below the precision of poses.
 _NO_TURN = 1e-9
-# Largest turn [rad]: beyond it no legs are long enough.
+# Largest turn [rad]: a sharper turn needs legs of infinite length.
 _TURN_BACK = 0.999 * pi
 
-# Degree of the Chebyshev series of positions along half of a turn: 1e-16 of the length of a turn right back.
+# Degree of the Chebyshev series of positions along half a turn; its error is 1e-16 of the length for 180 degrees.
 _DEGREE = 64
 
 
 def _half_turn(num_flat: int) -> tuple[_Floats, _Floats]:
-    """Chebyshev series over half of a turn of unit length: curvature and its integral, the heading, up to 1 and 1/2.
+    """Chebyshev series of curvature (up to 1) and heading, its integral (up to 1/2), over half a turn of unit length.
 
-    The curvature rises by a smoothstep, with `num_flat` derivatives that vanish at both ends.
+    The curvature is a smoothstep with `num_flat` vanishing derivatives at both ends.
     """
     steepness = chebyshev.chebint(_interpolated(lambda u: (1.0 - u**2) ** num_flat, 2 * num_flat).real, lbnd=-1.0)
-    curvature = steepness / steepness.sum()  # every Chebyshev polynomial is 1 in the end
+    curvature = steepness / steepness.sum()  # every Chebyshev polynomial is 1 at the end
     return curvature, 0.5 * chebyshev.chebint(curvature, lbnd=-1.0)
 
 
@@ -45,12 +45,12 @@ def _interpolated(function: Callable[[_Floats], _Floats | _Phasors], degree: int
 
 _CURVATURE, _HEADING = _half_turn(4)
 
-# Straight lines, and halves of turns. The path leads away from that end of a piece which has no curvature (forward =
-# 1), or towards it (-1); the anchor is that end's distance along the path, position and heading are those there.
+# Straight lines and halves of turns. The anchor of a piece is its end without curvature: anchor, position and heading
+# belong to this end. The path leads away from the anchor (forward = 1) or towards it (-1).
 _PIECE = np.dtype(
     [
         ("start", float),  # distance along the path at which the piece begins [m]
-        ("anchor", float),  # [m]
+        ("anchor", float),  # distance along the path [m]
         ("position", complex),  # [m]
         ("heading", float),  # [rad]
         ("forward", float),
@@ -64,24 +64,26 @@ _PIECE = np.dtype(
 class FloorPath:
     """A path through waypoints on the floor, by distance travelled.
 
-    Corners are rounded by turns of two halves, mirror images of each other: the curvature rises by a smoothstep from
-    nothing to ``1 / turn_radius`` and falls again. Curvature and its first four derivatives are continuous, and so are
-    the velocity, the angular velocity and their derivatives of whatever follows the path at constant speed. People's
-    own paths are close to clothoids, whose curvature rises linearly over a turn of the same length: G. Arechavaleta,
-    J.-P. Laumond, H. Hicheur, A. Berthoz, "An optimality principle governing human walking", IEEE Trans. Robotics 24
-    (2008) 5-14. Before the first and after the last waypoint the path is straight, without end.
+    A turn at each corner consists of two mirrored halves: the curvature rises by a smoothstep from zero to
+    ``1 / turn_radius`` and falls again. Curvature and its first four derivatives are continuous. At constant speed,
+    velocity, angular velocity and their derivatives are then continuous too. Real walking paths are close to clothoids,
+    whose curvature rises linearly over a turn of the same length: G. Arechavaleta, J.-P. Laumond, H. Hicheur, A.
+    Berthoz, "An optimality principle governing human walking", IEEE Trans. Robotics 24 (2008) 5-14. Before the first
+    and after the last waypoint the path continues straight without end.
 
     Parameters
     ----------
     waypoints : (n, 2) array_like
-        Corners of the path, x and y [m], at least two. Turns cut them: only the first and the last are passed.
+        Corners of the path, x and y [m], at least two. Turns cut the corners, so the path meets only the first and the
+        last waypoint.
     turn_radius : float
-        Smallest radius of the turns [m]. A right angle takes 1.8 times as much of each leg.
+        Smallest radius of the turns [m]. A right-angle turn uses 1.8 radii of each leg.
 
     Raises
     ------
     ValueError
-        When legs are too short for their turns, as all are for turning right back; says which and by how much.
+        If legs are too short for their turns, as always for a turn of 180 degrees. The message names the leg and the
+        length needed.
     """
 
     def __init__(self, waypoints: ArrayLike, turn_radius: float = 0.4) -> None:
@@ -93,9 +95,9 @@ class FloorPath:
         legs = np.diff(corners)
         if not legs.all():
             k = int((legs == 0).argmax())
-            raise ValueError(f"path: expected waypoints apart from each other, got the same at {k} and {k + 1}")
+            raise ValueError(f"path: expected successive waypoints to differ, got the same at {k} and {k + 1}")
 
-        # Length that every turn takes of its two legs; zero at either end.
+        # Length of both legs used by every turn; zero at both ends of the path.
         headings = [phase(legs[0])]
         turns = [0.0]
         for before, after in pairwise(legs):
@@ -107,9 +109,9 @@ class FloorPath:
             if (needed := room[k] + room[k + 1]) > leg:
                 sharpest = k if room[k] > room[k + 1] else k + 1
                 raise ValueError(
-                    f"path: the turn of {degrees(abs(turns[sharpest])):.0f} degrees at waypoint {sharpest} takes more "
-                    f"than the leg from waypoint {k} to {k + 1} has: expected at least {needed:.3g} m, got {leg:.3g}; "
-                    "give a smaller turn_radius, or more waypoints to turn in steps (right back: two right angles)"
+                    f"path: the turn of {degrees(abs(turns[sharpest])):.0f} degrees at waypoint {sharpest} is too long "
+                    f"for the leg from waypoint {k} to {k + 1}: expected at least {needed:.3g} m, got {leg:.3g}; "
+                    "give a smaller turn_radius, or more waypoints (180 degrees: two right angles)"
                 )
 
         # A straight piece along every leg, then the two halves of the turn at its end.
@@ -120,7 +122,7 @@ class FloorPath:
             pieces.append((distance, distance, complex(corners[k] + room[k] * ahead), headings[k], 1.0, 0.0, 1.0))
             distance += float(abs(leg)) - room[k] - room[k + 1]
             if turn := turns[k + 1]:
-                length = abs(turn) * radius  # half of the turn at a mean curvature of half its largest
+                length = abs(turn) * radius  # half of the turn; the mean curvature is half of the largest
                 begin = complex(corners[k + 1] - room[k + 1] * ahead)
                 end = complex(corners[k + 1] + room[k + 1] * legs[k + 1] / abs(legs[k + 1]))
                 pieces.append((distance, distance, begin, headings[k], 1.0, turn, length))
@@ -132,7 +134,7 @@ class FloorPath:
         self.length = distance
 
     def points_at(self, distances: ArrayLike) -> tuple[_Phasors, _Floats, _Floats]:
-        """Positions x + i y [m], headings [rad] and curvatures [1/m] at several distances (n,) [m]."""
+        """Positions x + i y [m], headings [rad] and curvatures [1/m] at distances (n,) along the path [m]."""
         distance = np.asarray(distances, dtype=np.float64)
         number = np.maximum(np.searchsorted(self._pieces["start"], distance, side="right") - 1, 0)
         piece = self._pieces[number]
@@ -155,13 +157,13 @@ class FloorPath:
 
 @lru_cache(maxsize=256)
 def _bend(turn: float) -> _Phasors:
-    """Deviation of half a turn from the line it begins on: a Chebyshev series over its length, a unit length."""
+    """Deviation of half a turn from its initial line: a Chebyshev series over the half's length, scaled to 1."""
     bend = _interpolated(lambda u: np.exp(1j * turn * chebyshev.chebval(u, _HEADING)) - 1.0, _DEGREE - 1)
     return np.asarray(0.5 * chebyshev.chebint(bend, lbnd=-1.0))
 
 
 def _room(turn: float, radius: float) -> float:
-    """Length of each leg that is cut off by a turn [m]."""
+    """Length of each leg used by a turn [m]."""
     if turn == 0.0:
         return 0.0
     angle = abs(turn)

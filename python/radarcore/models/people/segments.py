@@ -1,4 +1,4 @@
-"""Skeletons and shapes of the segments of people: spheroids by anthropometry, and the meshes of a real man.
+"""Skeletons and shapes of the segments of people: spheroids from anthropometry, and the meshes of a real man.
 
 Segment lengths are fractions of the body height and volumes come from masses and densities: R. Drillis, R. Contini,
 "Body segment parameters" (1966), and W. T. Dempster, "Space requirements of the seated operator" (1955), both as in
@@ -56,7 +56,7 @@ def spheroids(height: float, mass: float) -> dict[str, Spheroid]:
         return fraction * mass / density
 
     def along_z(upper: float, lower: float, volume: float, half_width: float | None = None) -> Spheroid:
-        """Spheroid between two heights, of revolution unless a half-width is given (all over body height)."""
+        """Spheroid between two heights, of revolution without `half_width` (lengths relative to body height)."""
         half_length = 0.5 * (upper - lower) * height
         section = volume / (4.0 / 3.0 * pi * half_length)
         across = sqrt(section) if half_width is None else half_width * height
@@ -65,16 +65,16 @@ def spheroids(height: float, mass: float) -> dict[str, Spheroid]:
 
     # Wider than deep: between the breadths of chest (0.174) and shoulders (0.259).
     trunk = along_z(0.288, 0.0, volume(0.355, 1030.0), half_width=0.108)
-    # The pelvis: as wide as the hips are apart and as deep as the trunk; its height follows, 0.13 of the body's.
+    # The pelvis has the width between the hips and the depth of the trunk. Its volume gives 0.13 of the body's height.
     depth, breadth = trunk.semi_axes[0], 0.0955 * height
     pelvis_height = volume(0.142, 1030.0) / (4.0 / 3.0 * pi * depth * breadth)
-    # The foot: from the heel, a quarter of its length behind the ankle, to the toe, and from the sole up.
+    # The foot extends from the heel, a quarter of its length behind the ankle, to the toe, and upward from the sole.
     length, breadth_foot = 0.5 * 0.152 * height, 0.5 * 0.055 * height
     foot_height = volume(0.0145, 1100.0) / (4.0 / 3.0 * pi * length * breadth_foot)
     return {
         "pelvis": Spheroid(np.zeros(3), np.array([depth, breadth, pelvis_height])),
         "trunk": trunk,
-        # A fifth of head and neck is the neck, which reaches into head and trunk by half of its length.
+        # The neck has a fifth of the mass of head and neck; half of its length overlaps head and trunk.
         "neck": along_z(0.078, -0.026, volume(0.2 * 0.081, 1110.0)),
         "head": along_z(0.130, 0.0, volume(0.8 * 0.081, 1110.0)),
         "thigh": along_z(0.0, -0.245, volume(0.100, 1050.0)),
@@ -92,7 +92,7 @@ def spheroids(height: float, mass: float) -> dict[str, Spheroid]:
 HUMAN = "human_description/robots/human.urdf"
 """The man's file in the package."""
 
-# Segments that the links of the real man belong to; the mesh of the neck is part of his head's link.
+# Segment of each link of the real man; the neck's mesh belongs to the head's link.
 _SEGMENTS_OF_LINKS = {
     "middle_pelvis": "pelvis",
     "middle_abdomen": "trunk",
@@ -108,11 +108,11 @@ _SEGMENTS_OF_LINKS = {
 
 
 _UPRIGHT = Pose(rotation=[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From the axes of the file (ISB: x forward, y up, z right) to x forward, y left, z up."""
+"""Rotation from the axes of the file (ISB: x forward, y up, z right) to x forward, y left, z up."""
 
 
 def _segment_of(link: str, mesh: str) -> str:
-    """Segment of a mesh of the real man, by the names of its link and of its file."""
+    """Segment of a mesh of the real man, from the names of its link and its file."""
     if mesh == "neck_mesh":
         return "neck"
     side = link.split("_")[0] + "_" if link.startswith(("left_", "right_")) else ""
@@ -157,7 +157,7 @@ def real_skeleton(rest: dict[str, Floats], scale: float) -> Skeleton:
 
 
 def support(points: Floats) -> Support:
-    """Smallest product of directions with points (m, 3)."""
+    """Smallest product of directions with the points (m, 3)."""
     from scipy.spatial import ConvexHull
 
     corners = points[ConvexHull(points).vertices]

@@ -84,7 +84,7 @@ class RobotArm:
         self._carries = np.zeros((len(self.links), len(moving)), dtype=bool)
         for k, parent in enumerate(self._parents):
             self._carries[k + 1] = self._carries[parent] | (self._slots == k)
-        self._turns = np.array([joint.kind == "revolute" for joint in ordered], dtype=bool)
+        self._is_revolute = np.array([joint.kind == "revolute" for joint in ordered], dtype=bool)
         self._fixed, self._first, self._second = np.zeros((3, len(ordered), 4, 4))
         for k, joint in enumerate(ordered):
             self._fixed[k] = _matrix(joint.origin)
@@ -323,21 +323,21 @@ class RobotArm:
         q = np.zeros((*angles.shape[:-1], len(self._fixed)))
         q[..., self._slots] = angles
         # 1 - cos as 2 sin^2 keeps small angles exact.
-        first, second = np.where(self._turns, np.sin(q), q), 2.0 * np.sin(0.5 * q) ** 2
+        first, second = np.where(self._is_revolute, np.sin(q), q), 2.0 * np.sin(0.5 * q) ** 2
         result: Matrix = self._fixed + first[..., None, None] * self._first + second[..., None, None] * self._second
         return result
 
     def _local_rate(self, angles: Matrix, rates: Matrix) -> Matrix:
         q, rate = np.zeros((2, *angles.shape[:-1], len(self._fixed)))
         q[..., self._slots], rate[..., self._slots] = angles, rates
-        first, second = np.where(self._turns, np.cos(q), 1.0) * rate, np.sin(q) * rate
+        first, second = np.where(self._is_revolute, np.cos(q), 1.0) * rate, np.sin(q) * rate
         result: Matrix = first[..., None, None] * self._first + second[..., None, None] * self._second
         return result
 
     def jacobian_at(self, number: int, poses: Matrix) -> Matrix:
         """`jacobian` of a link by its number, from the poses of all links (link, 4, 4)."""
         joints = poses[self._slots + 1]
-        turns = self._turns[self._slots][:, None]
+        turns = self._is_revolute[self._slots][:, None]
         axes = (joints[:, :3, :3] @ self._axes[..., None])[..., 0]
         linear = np.where(turns, np.cross(axes, poses[number, :3, 3] - joints[:, :3, 3]), axes)
         columns: Matrix = np.hstack([linear, np.where(turns, axes, 0.0)]) * self._carries[number][:, None]
