@@ -10,8 +10,8 @@ from importlib import import_module
 def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` of a package.
 
-    Its names are those of ``__init__.pyi`` beside it, one line ``from module import name as name`` each: read word by
-    word, because Python's parser takes longer to load than everything else.
+    The names come from the ``__init__.pyi`` beside it, one line ``from module import name as name`` each. They are read
+    word by word, because Python's parser takes longer to load than everything else.
     """
     face = sys.modules[package]
     with open(f"{face.__file__}i", encoding="utf-8") as stub:  # noqa: PTH123  # pathlib loads as long as this file

@@ -90,9 +90,9 @@ def is_empty(path: Path) -> bool:
 
 
 def replaces(folder: Path, is_own: Callable[[Path], bool], what: str, overwrite: bool) -> bool:
-    """True when a result is to be replaced in a folder; a FileExistsError where none can be written.
+    """True if a result in a folder will be replaced; raises FileExistsError if none can be written.
 
-    `is_own` is true for a folder with such a result, `what` describes it.
+    `is_own` is true for a folder with such a result. Messages call it `what`.
     """
     if folder.exists() and not folder.is_dir():
         raise already_exists(folder, "a file, not a directory")

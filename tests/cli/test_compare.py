@@ -49,7 +49,7 @@ def test_tables_are_printed_and_a_picture_is_drawn(
     assert main([*arguments, "--time", "0.4", "--max-range", "4", "-o", str(picture)]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
-    for text in ("Errors of measured against the truth", "Echoes of measured against those of simulated", str(picture)):
+    for text in ("Errors of measured against the truth", "Echoes of measured relative to simulated", str(picture)):
         assert text in printed.out
     assert picture.read_bytes().startswith(b"\x89PNG")
 

@@ -56,20 +56,20 @@ def test_offset_is_not_guessed_where_nothing_tells_it() -> None:
     still, uniform = rc.Pose([2.0, 0.0, 0.0]), rc.Linear(rc.Pose([3.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0])
     found = detections([still.at, uniform.at], 0.1, 5)
     for truth in ({"still": still}, {"uniform": uniform}):
-        with pytest.raises(ValueError, match="offset: expected a target in motion whose velocity changes"):
+        with pytest.raises(ValueError, match="offset: expected a detected target with changing velocity"):
             estimated_offset(found, MovingTargets(truth), bins=BINS, interval=INTERVAL)
     with pytest.raises(ValueError, match="offset: expected detections near the truth at some offset, got none"):
         estimated_offset(found, MovingTargets({"far": rc.Pose([50.0, 0.0, 0.0])}), bins=BINS, interval=INTERVAL)
     with pytest.raises(ValueError, match="offset: expected detections to align the clock by, got none"):
         estimated_offset([one[:0] for one in found], MovingTargets(truth), bins=BINS, interval=INTERVAL)
-    with pytest.raises(ValueError, match="max_offset: expected one at which recording and truth are at the same time"):
+    with pytest.raises(ValueError, match="max_offset: expected a value at which recording and truth overlap"):
         estimated_offset(found, MovingTargets(truth), bins=BINS, interval=INTERVAL, longest=1.0, span=(1e3, 1e3 + 2.0))
 
 
 def test_motions_that_come_again_do_not_tell_the_offset() -> None:
     found, truth = detections([swing], 0.3, 6), MovingTargets({"swing": swing})
     period = 2.0 * np.pi / 4.0
-    with pytest.raises(ValueError, match="offset: expected motions that tell one offset, got two that fit alike"):
+    with pytest.raises(ValueError, match="offset: expected motions that fit at one offset only, got two"):
         estimated_offset(found, truth, bins=BINS, interval=INTERVAL, longest=0.3 + period)
     told = estimated_offset(found, truth, bins=BINS, interval=INTERVAL, longest=0.5 * period)
     assert told.seconds == pytest.approx(0.3, abs=1e-3)

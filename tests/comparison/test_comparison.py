@@ -187,7 +187,7 @@ def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
         compare(some, some, offset=1e4)
     with pytest.warns(UserWarning, match="^A: expected at least one track, got none in 2 frames"):
         compare(simulated[:2])
-    with pytest.warns(UserWarning, match="truth: expected some body before the radar at the times of A from"):
+    with pytest.warns(UserWarning, match="truth: expected some body in front of the radar at the times of A from"):
         compare(some, truth={"ball": rc.Pose([-2.0, 0.0, 0.0])})
     with pytest.warns(UserWarning, match="got 2200 m or more; are its lengths in metres?"):
         compare(some, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])})

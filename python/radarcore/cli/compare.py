@@ -1,4 +1,4 @@
-"""The command `radarcore compare`: recordings against each other and against the truth."""
+"""The command `radarcore compare`: compare recordings with each other and with the truth."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from radarcore.output import check_file
 from radarcore.processing.detection.detect import detect
 
 _RADAR = "radar"
-"""Body of motion capture that is the radar."""
+"""Default name of the radar's body in motion capture."""
 
 _PAGE, _PICTURES = ".html", (".png", ".pdf", ".svg")
 
 _LONGEST_GAP = 0.1
-"""Bodies that motion capture does not see for longer have a gap [s]."""
+"""Longest time to interpolate between poses of motion capture [s]."""
 
 
 def run(
@@ -70,23 +70,23 @@ def run(
     truth : path
         motion capture (Motive's .csv, poses in a bag), or recording with truth (default: the recordings' own)
     radar : str
-        body of motion capture that is the radar (default: radar)
+        body of motion capture that carries the radar (default: radar)
     radius : str
-        distance of the surfaces of bodies of motion capture before their origins [m]
+        distance from origins of motion capture bodies to their surfaces [m]
     offset : str
-        added to the times of the last recording it gives those of the time base [s], or auto (default: 0); S,S for both
+        time base minus clock of the last recording [s], or auto (default: 0); S,S for both
     max_offset : float
-        largest offset that auto looks for [s]
+        largest offset for auto [s]
     targets : str
-        targets to compare; NAME=BODY names one anew (default: all that are seen)
+        targets to compare; NAME=BODY renames one (default: all visible)
     names : str
-        names of the recordings (default: those of their files)
+        names of the recordings (default: names of their files)
     min_range : float
         nearest range of detections [m]
     max_range : float
         farthest range of detections, and of pictures [m]
     range_only : bool
-        leave out angles, of radars whose receivers are not calibrated
+        ignore angles, for radars with uncalibrated receivers
     time : float
         time of the maps (default: the middle)
     """
@@ -124,7 +124,7 @@ def run(
 
 
 def _truth(path: Path | None, reference: str, radar: str | None, radius: str | None) -> dict[str, Any]:
-    """The truth that was given, and of motion capture the radar's motion: arguments of `compare`."""
+    """Arguments of `compare` for the given truth; motion capture also gives the radar's motion."""
     if path is None or (path.suffix.lower() != ".csv" and not is_bag(path)):
         if alone := given(radar=radar, radius=radius):
             got = "none" if path is None else path
@@ -144,7 +144,7 @@ def _truth(path: Path | None, reference: str, radar: str | None, radius: str | N
 
 
 def _pairs(name: str, text: str | None) -> dict[str, str] | None:
-    """Values by the names of a list NAME=VALUE,...; a name without one is its own."""
+    """Values by name from a list NAME=VALUE,...; the default value is the name."""
     if text is None:
         return None
     pairs = [entry.strip().partition("=") for entry in text.split(",")]
@@ -161,7 +161,7 @@ def _float(name: str, text: str) -> float:
 
 
 def _offset(text: str | None) -> Any:
-    """Seconds, or auto, or both of a pair."""
+    """Seconds or auto, or a pair of them."""
     if text is None:
         return 0.0
     parts = [part if part == AUTO else _float("offset", part) for part in text.split(",")]
@@ -169,7 +169,7 @@ def _offset(text: str | None) -> Any:
 
 
 def _names(text: str | None, sources: list[str]) -> list[str] | None:
-    """Names of the recordings, by default the last parts of their topics or paths; None where they are alike."""
+    """Names of the recordings, by default the last parts of their topics or paths; None if these are equal."""
     if text is not None:
         return [name.strip() for name in text.split(",")]
     places = map(path_and_topic, sources)
@@ -178,10 +178,9 @@ def _names(text: str | None, sources: list[str]) -> list[str] | None:
 
 
 def _motions_of(path: Path, reference: str) -> dict[str, Motion]:
-    """Motions of the bodies that a take of Motive, or a bag, holds, by their names.
+    """Motions of the bodies in a take of Motive or in a bag, by name.
 
-    Times of a bag are those of the frames of `reference`, if that is in the same bag; else they count from its first
-    stamp.
+    Times in a bag count like the frames of `reference` if these are in the same bag, else from the first stamp.
     """
     if not is_bag(path):
         capture = read_motive_csv(path)
@@ -199,7 +198,7 @@ def _motions_of(path: Path, reference: str) -> dict[str, Motion]:
             elif found.type in RIGID_BODIES:
                 series |= rigid_body_series(messages)
         if not series:
-            bag.only_topic(*POSES, *RIGID_BODIES, argument="--truth")  # says which topics there are
+            bag.only_topic(*POSES, *RIGID_BODIES, argument="--truth")  # raises an error that lists the topics
         return {name: one.trajectory(start, max_gap=_LONGEST_GAP) for name, one in series.items()}
 
 
@@ -210,7 +209,7 @@ def _body_of(topic: str) -> str:
 
 
 def _start_of_frames(bag: BagReader, topic: str) -> int:
-    """Stamp of time 0 of the frames on a topic [ns]."""
+    """Stamp at time 0 of the frames on a topic [ns]."""
     first = next(bag.messages(bag.topic(topic, FRAME_TYPE).name), None)
     if first is None:
         raise ValueError(f"{bag.path}, {topic}: expected at least one frame, got none")

@@ -28,7 +28,7 @@ from radarcore.scenefile.load import load_scene
 from radarcore.table import Table, finite
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
-"""Compared targets, and the body whose velocity counts for each; ranges are those of the nearest visible point."""
+"""Compared targets, and the body with the velocity of each; ranges refer to the nearest visible point."""
 
 _HEADER = (
     "",

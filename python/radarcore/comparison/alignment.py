@@ -27,9 +27,9 @@ class RecordingOffset:
     Parameters
     ----------
     seconds : float
-        Added to the times of the recording it gives those of the common base [s].
+        Common time minus the recording's time [s].
     deviation : float
-        Standard deviation [s]; 0 of one that was given.
+        Standard deviation [s]; 0 for a given offset.
     is_estimated : bool
     """
 
@@ -39,31 +39,31 @@ class RecordingOffset:
 
 
 _WIDTH = 2.0
-"""Distance at which a detection supports a truth less [bins of range and of velocity]."""
+"""Width of a detection's support of the truth [bins of range and of velocity]."""
 
 _MOST_FRAMES = 200
-"""Frames that the search takes."""
+"""Largest number of frames in the search."""
 
 _GRID = 4
-"""Times per interval of the frames at which the search knows the truth."""
+"""Samples of the truth per frame interval in the search."""
 
 _OVERLAP = 0.5
-"""Part of the shorter one, recording or truth, that both have in common at least."""
+"""Least overlap of recording and truth, as a part of the shorter one."""
 
 _UNLIMITED = 5.0
-"""Largest offset that is sought where the truth has no end [s]."""
+"""Largest offset in the search if the truth has no end [s]."""
 
 _ALIKE = 0.95
-"""Part of the best score above the least, from which on another offset fits as well."""
+"""Another offset fits equally well from this part of the best score on (both above the least score)."""
 
 _NEAR = 2.0
-"""Largest error of the detection that is taken for a target, in range and in velocity [bins]."""
+"""Largest error of a target's detection, in range and in velocity [bins]."""
 
 _HUBER = 1.5
-"""Errors beyond so many deviations count less, in proportion."""
+"""Errors above this many deviations have less weight (Huber)."""
 
 _BIAS = 0.3
-"""Deviation of a target's constant error of velocity, in parts of the spread of its errors."""
+"""Deviation of a target's constant velocity error, relative to the spread of its errors."""
 
 _STEPS = 20
 _SETTLED = 1e-6
@@ -79,41 +79,40 @@ def estimated_offset(
     longest: float | None = None,
     span: tuple[float, float] | None = None,
 ) -> RecordingOffset:
-    """Offset of the clock of some detections, by true ranges and velocities over time.
+    """Clock offset of detections, estimated from true ranges and velocities over time.
 
-    A search finds the offset at which most frames have detections as far and as fast as the truth. Then the detection
-    nearest to the truth of every target and frame is taken, and the offset moved to where their velocities fit best
-    (least squares, with less weight for errors beyond 1.5 deviations), each target with a small bias of its own.
-    Velocities tell the offset as far as they change; ranges are left out, as the point that reflects is hardly the one
-    whose truth is known.
+    A search finds the offset with most frames in which a detection agrees with the truth in range and velocity. The
+    detection nearest to the truth is then chosen for every target and frame. A least-squares fit of their velocities
+    refines the offset, with less weight for errors above 1.5 deviations and a small bias per target. Only changes of
+    velocity determine the offset. Ranges are not used, because the reflecting point hardly ever is the true point.
 
     Parameters
     ----------
     found : sequence of Detections
-        Of every frame, with times of their own clock [s].
+        Of every frame, with times of the recording's clock [s].
     truth : TruthOverTime
     bins : (float, float)
         Width of a bin of range and of velocity [m, m/s].
     interval : float
         Ordinary interval of frames [s].
     longest : float, optional
-        Largest offset either way [s].
+        Largest magnitude of the offset [s].
     span : (float, float), optional
-        First and last time of the truth [s]: offsets are those at which half of it, or of the frames, are in common.
-        Default: a truth without an end, up to 5 s either way.
+        First and last time of the truth [s]. Offsets must leave half of the truth, or of the frames, in common.
+        Default: a truth without an end, offsets up to 5 s.
 
     Raises
     ------
     ValueError
-        When no detection fits the truth at any offset, several offsets fit alike, as those of motions that come again,
-        or no target that is seen changes its velocity.
+        If no detection fits the truth at any offset, several offsets fit equally well (repeated motions), or no
+        detected target changes its velocity.
     """
     seen = [one for one in found if len(one) > 0]
     if not seen:
         raise ValueError("offset: expected detections to align the clock by, got none; give the offset")
     widths = np.array(bins)
     candidates = _candidates(seen, span, interval, longest)
-    # The truth is asked for once, at times close to each other: motions may take long to say it.
+    # Evaluate the truth once on a fine grid of times, because motions may be slow to evaluate.
     step = interval / _GRID
     start, end = seen[0].time + candidates[0] - interval, seen[-1].time + candidates[-1] + interval
     grid = start + step * np.arange(int(np.ceil((end - start) / step)) + 2)
@@ -125,7 +124,7 @@ def estimated_offset(
         raise ValueError("offset: expected detections near the truth at some offset, got none; give the offset")
     if (rival := _rival(scores, best)) is not None:
         raise ValueError(
-            f"offset: expected motions that tell one offset, got two that fit alike, {candidates[best]:.3f} and "
+            f"offset: expected motions that fit at one offset only, got two, {candidates[best]:.3f} and "
             f"{candidates[rival]:.3f} s; give a smaller max_offset, or the offset"
         )
     return _fitted(seen, RecordedTruth(grid, known), float(candidates[best]), widths, interval)
@@ -134,7 +133,7 @@ def estimated_offset(
 def _candidates(
     found: Sequence[Detections], span: tuple[float, float] | None, interval: float, longest: float | None
 ) -> _Floats:
-    """Offsets that are tried, an interval of the frames apart [s]."""
+    """Offsets of the search, in steps of the frame interval [s]."""
     first, last = found[0].time, found[-1].time
     if span is None:
         low, high = -_UNLIMITED, _UNLIMITED
@@ -145,37 +144,35 @@ def _candidates(
         longest = check.positive("max_offset", longest, "s")
         low, high = max(low, -longest), min(high, longest)
         if low > high:
-            raise ValueError(
-                f"max_offset: expected one at which recording and truth are at the same time, got {longest:g} s"
-            )
+            raise ValueError(f"max_offset: expected a value at which recording and truth overlap, got {longest:g} s")
     return low + interval * np.arange(int(np.ceil((high - low) / interval)) + 1, dtype=np.float64)
 
 
 def _scores(found: Sequence[Detections], grid: _Floats, known: Truth, candidates: _Floats, widths: _Floats) -> _Floats:
-    """Support of each offset: one per frame and target with a detection as far and as fast, less beyond 2 bins.
+    """Support of each offset: up to 1 per frame and target, for a detection within about 2 bins of the truth.
 
-    A target at rest supports all offsets alike.
+    A target at rest supports all offsets equally.
     """
     times = np.array([one.time for one in found])
     true = np.stack([known.range, known.velocity]) / widths[:, None, None]  # (2, time, target)
-    # The detections in one array, NaN where a frame has fewer than others.
+    # The detections in one array, padded with NaN.
     measured = np.full((2, len(found), max(map(len, found))), np.nan)
     for k, one in enumerate(found):
         measured[:, k, : len(one)] = np.stack([one.range, one.velocity]) / widths[:, None]
     scores = np.zeros(len(candidates))
     for k, offset in enumerate(candidates):
         at = true[:, np.rint((times + offset - grid[0]) / (grid[1] - grid[0])).astype(np.intp)]
-        apart = np.square(measured[..., None] - at[:, :, None]).sum(axis=0)  # (frame, detection, target)
-        scores[k] = np.exp(-0.5 / _WIDTH**2 * np.fmin.reduce(apart, axis=1, initial=np.inf)).sum()
+        distance = np.square(measured[..., None] - at[:, :, None]).sum(axis=0)  # (frame, detection, target)
+        scores[k] = np.exp(-0.5 / _WIDTH**2 * np.fmin.reduce(distance, axis=1, initial=np.inf)).sum()
     return scores
 
 
 def _rival(scores: _Floats, best: int) -> int | None:
-    """Another offset with nearly the score of the best one, on another peak; None if there is none."""
+    """Offset on another peak with nearly the best score; None if there is none."""
     rival = rival_peak(scores, best)
     if rival is None:
         return None
-    # Targets at rest support all offsets alike: that part tells nothing.
+    # Subtract the support of targets at rest, which is equal for all offsets.
     floor = scores.min()
     return rival if scores[rival] - floor > _ALIKE * (scores[best] - floor) else None
 
@@ -183,7 +180,7 @@ def _rival(scores: _Floats, best: int) -> int | None:
 def _fitted(
     found: Sequence[Detections], truth: RecordedTruth, offset: float, widths: _Floats, interval: float
 ) -> RecordingOffset:
-    """Offset at which the velocities fit best, from one that is right to about an interval of the frames."""
+    """Offset with the best fit of the velocities, from an offset that errs by at most about a frame interval."""
     times = np.array([one.time for one in found])
     step = 0.1 * interval
     deviation = np.inf
@@ -192,23 +189,22 @@ def _fitted(
         measured = np.array([_nearest(one, known[k], widths) for k, one in enumerate(found)])  # (frame, target)
         errors = measured - known.velocity
         slopes = (ahead.velocity - behind.velocity) / (2.0 * step)
-        # What all targets tell together: weights times slopes, of the part that is no bias.
-        told = weight = 0.0
+        # Sums over all targets of the normal equation of the offset, with the biases eliminated.
+        moment = weight = 0.0
         for error, slope in zip(errors.T, slopes.T, strict=True):
             usable = np.isfinite(error) & np.isfinite(slope)
             if usable.sum() > 3:
                 by_error, by_slope = _weighed(error[usable], slope[usable], 1e-3 * widths[1])
-                told, weight = told + by_error, weight + by_slope
+                moment, weight = moment + by_error, weight + by_slope
         if not weight > 0.0:
             break
-        change, deviation = told / weight, weight**-0.5
+        change, deviation = moment / weight, weight**-0.5
         offset += float(np.clip(change, -interval, interval))
         if abs(change) < _SETTLED:
             break
     if not deviation < interval:
         raise ValueError(
-            "offset: expected a target in motion whose velocity changes, to align the clock by, got none that is seen; "
-            "give the offset"
+            "offset: expected a detected target with changing velocity to align the clock by, got none; give the offset"
         )
     return RecordingOffset(offset, deviation, True)
 
@@ -217,20 +213,20 @@ def _nearest(found: Detections, known: Truth, widths: _Floats) -> _Floats:
     """Velocity of the detection nearest to each target of the truth, (target,); NaN where none is near."""
     ranges = np.abs(found.range[:, None] - known.range) / widths[0]
     velocities = np.abs(found.velocity[:, None] - known.velocity) / widths[1]
-    apart = np.where(np.isnan(ranges + velocities), np.inf, np.maximum(ranges, velocities))
-    nearest = apart.argmin(axis=0)
-    return np.where(apart[nearest, np.arange(len(nearest))] <= _NEAR, found.velocity[nearest], np.nan)
+    distance = np.where(np.isnan(ranges + velocities), np.inf, np.maximum(ranges, velocities))
+    nearest = distance.argmin(axis=0)
+    return np.where(distance[nearest, np.arange(len(nearest))] <= _NEAR, found.velocity[nearest], np.nan)
 
 
 def _weighed(errors: _Floats, slopes: _Floats, least: float) -> tuple[float, float]:
-    """Sums of slopes times errors and of squared slopes, by the weights of the errors and less what is a bias.
+    """Weighted sums of slopes times errors and of squared slopes, with the bias eliminated.
 
-    Errors are weighed by their own spread, `least` at least [m/s]; the bias of a target is small against it.
+    Errors are weighted by their spread, at least `least` [m/s]; the bias of a target is small against the spread.
     """
     middle = float(np.median(errors))
     spread = max(1.4826 * float(np.median(np.abs(errors - middle))), least)
     weights = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(errors - middle), least)) / spread**2
-    # Least squares for offset and bias, which is known to be zero but for its deviation.
+    # Least squares for offset and bias; the bias has a prior of mean zero.
     total = weights.sum() + (_BIAS * spread) ** -2
     by_slope, by_error = weights @ slopes, weights @ errors
     return (
@@ -240,7 +236,7 @@ def _weighed(errors: _Floats, slopes: _Floats, least: float) -> tuple[float, flo
 
 
 AUTO = "auto"
-"""Offset that is to be estimated."""
+"""Offset to estimate."""
 
 Offset = float | str
 
@@ -253,9 +249,9 @@ class Alignment:
     ----------
     clocks : tuple of RecordingOffset
     truths : tuple of TruthOverTime
-        By the common base.
+        In common time.
     is_by_tracks : bool
-        Whether there is no truth at all: it is then what A has tracked.
+        True without any truth: the tracks of A then replace it.
     """
 
     clocks: tuple[RecordingOffset, ...]
@@ -264,7 +260,7 @@ class Alignment:
 
 
 def offsets(offset: Any, num_recordings: int) -> tuple[Offset, ...]:
-    """Offset of every recording: numbers, or "auto"; a single one is that of the last."""
+    """Offset of every recording, a number or "auto"; a single offset belongs to the last recording."""
     if not isinstance(offset, tuple | list):
         return (0.0,) * (num_recordings - 1) + (_offset(offset),)
     if len(offset) != num_recordings:
@@ -280,18 +276,18 @@ def aligned(
     Parameters
     ----------
     found : sequence of Found
-        Of A, and of B if there is one.
+        Of A, and of B if given.
     wanted : sequence of float or "auto"
         One per recording.
     given : TruthOverTime or None
-        Truth that counts for all; None: that of the recordings, or the tracks of A.
+        Truth for all recordings; None: each recording's own truth, or the tracks of A.
     longest : float or None
-        Largest offset that is estimated [s].
+        Largest estimated offset [s].
     """
     if given is not None:
         clocks: list[RecordingOffset] = []
         for one, offset in zip(found, wanted, strict=True):
-            # A truth without an end is that of the time in which A was.
+            # A truth without an end is limited to the duration of A.
             times = middles(found[0].recording, clocks[0].seconds).tolist() if clocks else []
             span = given.span or ((times[0], times[-1]) if times else None)
             clocks.append(_clock(one, offset, given, longest, span))
@@ -304,7 +300,7 @@ def aligned(
     if len(found) == 1:
         return Alignment((first,), (of_a,), is_by_tracks=not has_truth[0])
 
-    # B is aligned with the truth of A; if only B has one, A with that; without any, with the tracks of A.
+    # B is aligned with the truth of A, or with A's tracks without any truth. If only B has one, A is aligned with it.
     if wanted[1] == AUTO and has_truth[1] and not has_truth[0]:
         of_b = _own_truth(found[1], 0.0)
         back = _clock(found[0], AUTO, of_b, longest, of_b.span)
@@ -330,7 +326,7 @@ def _clock(
     longest: float | None,
     span: tuple[float, float] | None,
 ) -> RecordingOffset:
-    """The offset of a recording, given or estimated."""
+    """Offset of a recording, given or estimated."""
     if not isinstance(wanted, str):
         return RecordingOffset(wanted)
     wf = found.recording.radar.waveform
@@ -345,7 +341,7 @@ def _clock(
 
 
 def _own_truth(found: Found, offset: float) -> RecordedTruth:
-    assert found.recording.truth is not None  # who asks knows
+    assert found.recording.truth is not None  # the caller has checked this
     return RecordedTruth(middles(found.recording, offset), found.recording.truth)
 
 

@@ -1,4 +1,4 @@
-"""Offset between the clocks of two records of one motion, such as a radar's track and motion capture."""
+"""Clock offset between two records of the same motion, such as a radar's track and motion capture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radarcore.products import real_inner
 Array = NDArray[np.float64]
 
 _SMOOTHING_STEPS = 2.0
-"""Standard deviation of the smoothing kernel, in steps of the slower record: sampling does not show in its slopes."""
+"""Standard deviation of the smoothing kernel, in steps of the slower record; slopes then hide the sampling."""
 
 _REACH = 4.0
 """Half width of the smoothing kernel, in standard deviations."""
@@ -30,10 +30,10 @@ _SPARSEST = 100.0
 _SHORTEST_OVERLAP = 20.0
 """Least common time, in standard deviations of the kernel, and ..."""
 _LEAST_SHARE = 1.0 / 3.0
-"""... as a share of the shorter record: fewer samples agree by chance."""
+"""... as a share of the shorter record: fewer samples may agree by chance."""
 
 _SLOW = 10.0
-"""Period [s]: slower changes of the difference are other things than the offset."""
+"""Period [s]; slower changes of the difference have other causes than the offset."""
 _MOST_FITS = 8
 _FARTHEST = 2.0
 """Distance of the fitted offset from the peak of the correlation, in standard deviations of the kernel."""
@@ -41,12 +41,12 @@ _CORRELATED = 8.0
 """Time over which residuals are correlated, in standard deviations of the kernel."""
 
 _LEAST_CORRELATION = 0.5
-"""Below this, two records are not of one motion."""
+"""Least correlation of two records of the same motion."""
 
 _RIVAL = 1.5
-"""Misfit of any other offset, at least, in misfits of the best one ..."""
+"""Least misfit of any other offset, relative to the best one ..."""
 _MISFIT_FLOOR = 1e-3
-"""... both raised by this: smaller differences are of the ends of the records."""
+"""... after addition of this to both: the ends of the records cause smaller differences."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,11 @@ class ClockOffset:
     Attributes
     ----------
     offset : float
-        Time [s] to add to times of clock b: then they are times of clock a.
+        Time of clock a minus time of clock b [s].
     deviation : float
-        Standard deviation of the offset [s], by what is left of the values of one record without those of the other.
+        Standard deviation of the offset [s], from the residuals between both records.
     correlation : float
-        Of the smoothed slopes of both records at this offset, 1 at most.
+        Correlation of the smoothed slopes of both records at this offset, at most 1.
 
     See Also
     --------
@@ -82,7 +82,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class _Smooth:
-    """Smoothed values and slopes on a uniform grid, zero where they are not known."""
+    """Smoothed values and slopes on a uniform grid, zero where unknown."""
 
     start: float
     values: Array
@@ -101,34 +101,34 @@ def clock_offset(
     around: float = 0.0,
     smoothing: float | None = None,
 ) -> ClockOffset:
-    """Offset between the clocks of two records of one motion, by cross-correlation of their slopes.
+    """Clock offset between two records of the same motion, by cross-correlation of their slopes.
 
-    The records may have different rates, gaps, noise, a constant difference and a different scale. Lines are fitted
-    under a moving Gaussian window; their slopes are correlated where both are known, for every offset. From the peak
-    on, smoothed values of one record are fitted to the other's.
+    The records may differ in rate, gaps, noise, scale and a constant. Lines are fitted under a moving Gaussian window,
+    and their slopes are correlated for every offset. From the peak, a fit of the smoothed values of one record to the
+    other refines the offset.
 
     Parameters
     ----------
     times_a, times_b : (n,), (m,) array_like
-        Increasing times, each by its own clock [s].
+        Increasing times of each clock [s].
     values_a, values_b : (n,), (m,) array_like
-        Such as the distance of a person from the radar; NaN where it is not known.
+        Such as the distance of a person from the radar; NaN where unknown.
     max_offset : float
-        Largest offset, before or after `around` [s].
+        Largest deviation of the offset from `around` [s].
     around : float
-        Offset that is expected [s], as of clocks that count from other days.
+        Expected offset [s], for example between clocks with different epochs.
     smoothing : float, optional
         Standard deviation of the window [s]. Default: two steps of the slower record.
 
     Raises
     ------
     ValueError
-        When the records do not tell the offset: values that do not vary, that vary otherwise, that repeat themselves
-        so that several offsets fit alike, that overlap too little, or that fit best at the largest offset.
+        If the offset is not observable: values are constant, vary differently, repeat so that several offsets fit
+        equally well, overlap too little, or fit best at the largest offset.
 
     See Also
     --------
-    processing.ClockOffset : What comes back.
+    processing.ClockOffset : The result.
     compare : Estimates it between recordings and truth, with ``offset="auto"``.
 
     Examples
@@ -147,14 +147,14 @@ def clock_offset(
     step = _GRID * width
     first, second = (_smoothed(name, *record, width, step) for name, record in (("a", a), ("b", b)))
 
-    # Offsets that are whole steps beyond that of the first samples.
+    # Offsets at whole steps from the offset between the first samples.
     base = first.start - second.start
     center = check.number("around", around, "s")
     least, most = np.floor((center - limit - base) / step), np.ceil((center + limit - base) / step)
     lags = np.arange(max(least, -len(second.values)), min(most, len(first.values)) + 1).astype(int)
     correlation = _correlations(first, second, lags, _SHORTEST_OVERLAP * width / step)
     if np.isnan(correlation).all():
-        raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none that do long enough")
+        raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none for long enough")
     best = int(np.nanargmax(correlation))
     _check_peak(correlation, best, base + step * lags, center, limit)
     lag, deviation = _fitted(first, second, int(lags[best]), step, width)
@@ -162,7 +162,7 @@ def clock_offset(
 
 
 def _record(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """Times and values where these are known."""
+    """Known values and their times."""
     when = check.increasing(f"times_{name}", times)
     what = check.numbers(f"values_{name}", values, when.shape)
     if np.isinf(what).any():
@@ -186,7 +186,7 @@ def _smoothed(name: str, times: Array, values: Array, width: float, step: float)
     most = np.searchsorted(times, times + 2.0 * _REACH * width, side="right") - np.arange(len(times))  # in a window
     blocks = np.array_split(grid, 1 + len(grid) * int(most.max()) // _BLOCK)
     total, middle, moment, mean, product = np.hstack([_moments(times, values, block, width) for block in blocks])
-    # At ends and gaps the samples in the window lie to one side, and the slope is that of another time.
+    # At ends and gaps the samples lie on one side of the window, and the slope belongs to another time.
     typical = width * np.sqrt(2.0 * np.pi) / np.median(np.diff(times))
     is_known = (total > 0.7 * typical) & (np.abs(middle) < 0.1 * width)
     slopes = np.where(is_known, product / np.where(moment > 0.0, moment, 1.0), 0.0)
@@ -194,7 +194,7 @@ def _smoothed(name: str, times: Array, values: Array, width: float, step: float)
         raise ValueError(
             f"times_{name}: expected stretches longer than {2.0 * _REACH * width:g} s without gaps, got none"
         )
-    # Rounding of equal values is no motion.
+    # Rounding errors of constant values are not motion.
     if np.ptp(slopes[is_known]) <= 1e-9 * np.abs(values).max() / width:
         raise ValueError(f"values_{name}: expected values whose slope varies, got a constant slope")
     smooth = np.where(is_known, mean - slopes * middle, 0.0)
@@ -202,7 +202,7 @@ def _smoothed(name: str, times: Array, values: Array, width: float, step: float)
 
 
 def _moments(times: Array, values: Array, grid: Array, width: float) -> Array:
-    """Weight, mean and variance of times, mean of values, covariance of both, in the window at the grid, (5, n)."""
+    """Weight, mean and variance of times, mean of values and covariance in the window at each grid point, (5, n)."""
     reach = _REACH * width
     begin, end = np.searchsorted(times, grid - reach), np.searchsorted(times, grid + reach, side="right")
     near = begin[:, None] + np.arange(max(int((end - begin).max()), 1))
@@ -218,7 +218,7 @@ def _moments(times: Array, values: Array, grid: Array, width: float) -> Array:
 
 
 def _correlations(a: _Smooth, b: _Smooth, lags: NDArray[np.int_], shortest: float) -> Array:
-    """Correlation coefficients where both are known, per lag; NaN where too little is."""
+    """Correlation coefficient per lag over the common known samples; NaN for too few."""
     size = len(a.slopes) + len(b.slopes)
 
     def sums(x: Array, y: Array) -> Array:
@@ -227,7 +227,7 @@ def _correlations(a: _Smooth, b: _Smooth, lags: NDArray[np.int_], shortest: floa
         is_within = (lags < len(x)) & (lags > -len(y))
         return np.where(is_within, product[np.where(is_within, lags, 0)], 0.0)
 
-    # Slopes in units of their own size.
+    # Normalised slopes.
     u, v = (one.slopes / np.sqrt(np.square(one.slopes).sum() / one.is_known.sum()) for one in (a, b))
     number = np.round(sums(a.is_known, b.is_known))
     count = np.maximum(number, 1.0)
@@ -241,7 +241,7 @@ def _correlations(a: _Smooth, b: _Smooth, lags: NDArray[np.int_], shortest: floa
 
 
 def _check_peak(correlation: Array, best: int, offsets: Array, center: float, limit: float) -> None:
-    """Refuse peaks that say nothing."""
+    """Raise ValueError for peaks that do not determine the offset."""
     highest = correlation[best]
     if highest < _LEAST_CORRELATION:
         raise ValueError(
@@ -260,14 +260,14 @@ def _check_peak(correlation: Array, best: int, offsets: Array, center: float, li
     misfit, other = (1.0 - value + _MISFIT_FLOOR for value in (highest, others[rival]))
     if other < _RIVAL * misfit:
         raise ValueError(
-            f"values_a: expected a motion that tells one offset, got two that fit alike, {offsets[best]:.3g} and "
+            f"values_a: expected a motion that fits at one offset only, got two, {offsets[best]:.3g} and "
             f"{offsets[rival]:.3g} s (correlations {highest:.3f} and {others[rival]:.3f}); give a smaller max_offset "
             f"or a motion that does not repeat itself"
         )
 
 
 def rival_peak(values: Array, best: int) -> int | None:
-    """Index of the highest value that is not on the slopes of a peak; None where all are.
+    """Index of the highest value outside of the slopes of a peak; None without such a value.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def rival_peak(values: Array, best: int) -> int | None:
     best : int
         Index of the peak.
     """
-    # Down from the peak on both sides to the first minima; what lies beyond them belongs to other peaks.
+    # The slopes of the peak end at the first minimum on each side.
     before = np.flatnonzero(values[:best] > values[1 : best + 1])
     after = np.flatnonzero(values[best + 1 :] > values[best:-1])
     left = int(before[-1]) + 1 if before.size else 0
@@ -286,16 +286,16 @@ def rival_peak(values: Array, best: int) -> int | None:
 
 
 def _fitted(a: _Smooth, b: _Smooth, peak: int, step: float, width: float) -> tuple[float, float]:
-    """Lag at which the values of both agree best, but for a scale and slow changes, and its standard deviation.
+    """Lag with the best agreement of both values, up to a scale and slow changes, and its standard deviation.
 
-    Noise of the values is white, that of the slopes is not: the peak of their correlation is five times as uncertain.
+    The values have white noise, unlike the slopes: the peak of the slopes' correlation is five times as uncertain.
     """
     whole = peak
     for _ in range(_MOST_FITS):
         begin, end = max(whole, 0), min(len(a.values), len(b.values) + whole)
         here, there = slice(begin, end), slice(begin - whole, end - whole)
         is_known = (a.is_known[here] * b.is_known[there]) > 0.0
-        # Values of a: those of b, scaled; its slopes, scaled by the rest of the lag; slow changes.
+        # Values of a as a sum of scaled values of b, slopes of b times the residual lag, and slow changes.
         phase = np.linspace(0.0, np.pi, end - begin)[is_known]
         num_slow = int(2.0 * step * (end - begin) / _SLOW)
         slow = np.cos(phase[:, None] * np.arange(num_slow + 1))
@@ -309,7 +309,7 @@ def _fitted(a: _Smooth, b: _Smooth, peak: int, step: float, width: float) -> tup
         if abs(rest) <= 1.0:
             break
         whole += round(rest)
-    # What the residual adds to the lag, sample by sample; neighbours are correlated over the window.
+    # Contribution of each sample's residual to the lag; neighbours are correlated over the window.
     residual = a.values[here][is_known] - basis @ found
     others = np.delete(basis, 1, axis=1)
     slope = basis[:, 1] - others @ _least_squares(others, basis[:, 1])

@@ -1,4 +1,4 @@
-"""Comparison of two recordings and the truth: on one time base, target by target."""
+"""Comparison of two recordings and the truth on a common time base, target by target."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ AnyPath = str | os.PathLike[str]
 
 
 class Comparison(Record):
-    """Recordings and truth side by side, made by `radarcore.compare`; `str` of it is the tables.
+    """Recordings and truth side by side, made by `radarcore.compare`; `str` gives the tables.
 
     See Also
     --------
@@ -56,7 +56,7 @@ class Comparison(Record):
         return text(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the series as plain numbers and texts, for JSON; what is not known is None.
+        """Everything except the series as plain numbers and texts, for JSON; None for unknown values.
 
         See Also
         --------
@@ -84,9 +84,9 @@ class Comparison(Record):
         path : path, optional
             Save here, in the format of the suffix; missing parents are made.
         time : float, optional
-            Time of the maps, by the common base [s]; default: the middle of what the recordings have in common.
+            Common time of the maps [s]; default: the middle of the recordings' overlap.
         max_range : float, optional
-            End of the range axes [m]; default: a little beyond the targets.
+            End of the range axes [m]; default: 15 % above the farthest target.
         overwrite : bool
             Replace an existing picture.
         """
@@ -95,7 +95,7 @@ class Comparison(Record):
     def report(
         self, path: AnyPath, *, time: float | None = None, max_range: float | None = None, overwrite: bool = False
     ) -> None:
-        """Write tables and pictures as one HTML file, which needs no other.
+        """Write tables and pictures as one self-contained HTML file.
 
         Parameters
         ----------
@@ -125,39 +125,39 @@ def compare(
     range_only: bool = False,
     progress: bool = True,
 ) -> Comparison:
-    """Compare a recording with another, with the truth, or with both: simulated, measured and true, target by target.
+    """Compare a recording with another recording, with the truth, or with both, target by target.
 
-    Each recording is detected and tracked on its own. A track is then given to the target whose truth it is nearest to
-    throughout. A thing with parts, such as a person, has one track for the whole run, whose nearest point is compared
-    with the nearest visible point of all parts.
+    Each recording is detected and tracked separately. Each track is then assigned to the target with the nearest truth
+    over the whole track. An object with parts, such as a person, has one track for the whole run, whose nearest point
+    is compared with the nearest visible point of all parts.
 
     Parameters
     ----------
     recording_a, recording_b : Recording or path
-        Of any radars: I/Q or real, simulated or measured. What settings forbid to compare is left out and named.
+        Of any radars: I/Q or real, simulated or measured. A note names quantities that the settings make incomparable.
     truth : mapping, Recording or path, optional
-        Motions in the world, bodies or point targets by name; or a recording whose truth counts. The truth of a body is
-        its point nearest to the radar, that of a motion its origin, see `radii`. Default: the recordings' own truth,
-        that of A for B if B has none. Without any, the tracks of A are the targets of B. A motion that is not known at
-        some times (its method ``known``) has no truth there.
+        Motions in the world, bodies or point targets by name; or a recording with truth. The true point of a body is
+        its nearest point, of a motion its origin, see `radii`. Default: each recording's own truth; B without truth
+        uses A's. Without any truth, the tracks of A are the targets of B. A motion has no truth at times when it is
+        unknown (its method ``known``).
     targets : sequence of str or mapping, optional
-        Targets to compare; a mapping gives the body of each by name. Default: all that were ever visible, of the parts
-        of one thing the one that was visible longest.
+        Targets to compare; a mapping gives the body of each by name. Default: all visible targets; for an object with
+        parts, the part that is visible longest.
     radar_motion : motion, optional
-        Sensor to world, for motions in the world; default: the world's own frame.
+        Sensor to world, for motions in the world; default: the sensor frame is the world frame.
     radii : mapping, optional
-        Distance by which the surface of a target is nearer than the origin of its motion [m], by name.
+        Distance by name from the origin of a motion to the target's surface, towards the radar [m].
     offset : float, "auto" or a pair of them
-        Added to the times of the last recording (B, or A alone) it gives those of the truth, and of A [s]. A pair: of A
-        and of B. "auto": estimated from detections and truth; that takes targets whose velocities change.
+        Time of the truth (and of A) minus time of the last recording, B or A alone [s]. A pair has the offsets of A and
+        B. "auto" estimates the offset from detections and truth, which needs targets with changing velocity.
     max_offset : float, optional
-        Largest offset that is estimated [s]; default: any at which half of the recording or of the truth is in common.
+        Largest estimated offset [s]. Default: half of the recording or of the truth must remain in common.
     names : (str, str), optional
-        Names of the recordings in tables and pictures; default: those of their paths, or A and B.
+        Names of the recordings in tables and pictures; default: the names of their paths, or A and B.
     detector : callable, optional
         Detections of a frame; default: `detect` with less than one false alarm per frame.
     range_only : bool
-        Track ranges and velocities, without angles: for radars whose receivers' phases are not calibrated.
+        Track ranges and velocities without angles, for radars with uncalibrated receiver phases.
     progress : bool
         Show progress bars when run in a terminal.
 
@@ -169,11 +169,11 @@ def compare(
     Raises
     ------
     ValueError
-        For one recording without any truth; for names that are not there; when an offset cannot be estimated.
+        For a single recording without truth, unknown names, or an offset that cannot be estimated.
 
     See Also
     --------
-    Comparison : What comes back.
+    Comparison : The result.
     detect : Detections of a frame.
     track : Tracks of a recording.
 
@@ -196,7 +196,7 @@ def compare(
     if reference is None and len(recordings) == 1 and recordings[0].truth is None:
         raise ValueError("recording_b: expected another recording, or a truth to compare with, got neither")
 
-    # Detections and tracks of each, and all on one time base.
+    # Detections and tracks of each recording, on a common time base.
     found = [found_in(one, detector=detector, range_only=range_only, progress=progress) for one in recordings]
     base = aligned(found, wanted, reference, max_offset)
     times = [middles(one.recording, clock.seconds) for one, clock in zip(found, base.clocks, strict=True)]
@@ -210,9 +210,9 @@ def compare(
 
     # Target by target.
     chosen = _targets(targets, sides)
-    followed = [estimates(side.found, side.truth, chosen.values(), side.offset.seconds) for side in sides]
+    estimated = [estimates(side.found, side.truth, chosen.values(), side.offset.seconds) for side in sides]
     compared = [
-        _target(name, body, sides, [one[body] for one in followed], not base.is_by_tracks)
+        _target(name, body, sides, [one[body] for one in estimated], not base.is_by_tracks)
         for name, body in chosen.items()
     ]
     return Comparison(
@@ -224,7 +224,7 @@ def compare(
 
 
 def _loaded(name: str, given: Any) -> Recording:
-    """A recording, read if it is a path; with frames to compare."""
+    """The recording, read if it is a path; raises ValueError without frames."""
     recording = Recording.load(given) if isinstance(given, str | os.PathLike) else given
     if not isinstance(recording, Recording):
         raise TypeError(f"{name}: expected Recording or a path, got {type(given).__name__}")
@@ -236,7 +236,7 @@ def _loaded(name: str, given: Any) -> Recording:
 
 
 def _names(given: Sequence[Any], names: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the recordings: those given, those of their paths if they differ, or their letters."""
+    """Names of the recordings: the given names, names of their paths if they differ, or letters."""
     if names is not None:
         if isinstance(names, str) or len(names) != len(given):
             raise ValueError(f"names: expected {len(given)}, one per recording, got {names!r}")
@@ -250,7 +250,7 @@ def _names(given: Sequence[Any], names: Sequence[str] | None) -> tuple[str, ...]
 def _reference(
     truth: Any, radar_motion: AnyMotion | None, radii: Mapping[str, float] | None
 ) -> tuple[TruthOverTime | None, str]:
-    """The truth that was given, if any, and what it is in words."""
+    """The given truth, if any, and its description."""
     if isinstance(truth, Mapping):
         return MovingTargets(truth, radar_motion, radii), "motions in the world"
     for name, value in (("radar_motion", radar_motion), ("radii", radii)):
@@ -265,7 +265,7 @@ def _reference(
 
 
 def _warn_of_nothing(sides: Sequence[Side]) -> None:
-    """Warn of what leaves tables empty: times apart, no truth, no track."""
+    """Warn if tables remain empty: recordings without overlap, no truth, or no track."""
     spans = [f"{side.name} from {side.time[0]:.3f} to {side.time[-1]:.3f} s" for side in sides]
     if len(sides) == 2 and (sides[0].time[-1] < sides[1].time[0] or sides[1].time[-1] < sides[0].time[0]):
         notice.warn(f"offset: expected recordings with times in common, got {' and '.join(spans)}")
@@ -273,7 +273,7 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
         if len(side.found.tracks) == 0:
             notice.warn(f"{side.name}: expected at least one track, got none in {len(side.time)} frames")
         elif not np.isfinite(side.truth.range).any():
-            notice.warn(f"truth: expected some body before the radar at the times of {span}, got none")
+            notice.warn(f"truth: expected some body in front of the radar at the times of {span}, got none")
         elif (nearest := float(np.nanmin(side.truth.range))) > (
             limit := side.found.recording.radar.max_unambiguous_range
         ):
@@ -284,7 +284,7 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
 
 
 def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[Side]) -> dict[str, str]:
-    """Name of every target, and the body that it is."""
+    """Body of every target, by the target's name."""
     known = sides[0].truth.names  # names of all sides
     if targets is not None:
         if isinstance(targets, str):
@@ -307,27 +307,27 @@ def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[
 
 
 def _target(
-    name: str, body: str, sides: Sequence[Side], followed: Sequence[Estimates], has_truth: bool
+    name: str, body: str, sides: Sequence[Side], estimated: Sequence[Estimates], has_truth: bool
 ) -> TargetComparison:
-    """Errors and echoes of one target, from its estimates in every recording."""
+    """Errors and echoes of one target from its estimates in every recording."""
     true = [truth_of(side.truth, body) for side in sides]
     errors = [
-        target_errors(name, one, known, side.bins) for one, known, side in zip(followed, true, sides, strict=True)
+        target_errors(name, one, known, side.bins) for one, known, side in zip(estimated, true, sides, strict=True)
     ]
     is_both = len(sides) == 2
     return TargetComparison(
         name=name,
-        estimates=tuple(followed),
+        estimates=tuple(estimated),
         truth=tuple(true) if has_truth else None,
         errors=tuple(errors) if has_truth else (),
-        difference=_difference(name, followed, sides) if is_both else None,
-        echo=echo_difference([side.recording for side in sides], followed) if is_both else None,
+        difference=_difference(name, estimated, sides) if is_both else None,
+        echo=echo_difference([side.recording for side in sides], estimated) if is_both else None,
     )
 
 
-def _difference(name: str, followed: Sequence[Estimates], sides: Sequence[Side]) -> TargetErrors:
-    """Estimates of B against those of A, joined between its frames."""
-    a, b = followed
+def _difference(name: str, estimated: Sequence[Estimates], sides: Sequence[Side]) -> TargetErrors:
+    """Estimates of B against A; A is interpolated between its frames."""
+    a, b = estimated
     unknown = np.full((len(a.time), 1), np.nan)
     joined = RecordedTruth(a.time, Truth((name,), a.range[:, None], a.velocity[:, None], unknown, unknown)).at(b.time)
     return target_errors(name, b, (joined.range[:, 0], joined.velocity[:, 0]), sides[1].bins)

@@ -1,4 +1,4 @@
-"""Amplitude and phase of a target's echo: of one recording against another."""
+"""Amplitude and phase of a target's echo in one recording, relative to another."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from radarcore.units import SPEED_OF_LIGHT
 _Floats = NDArray[np.float64]
 
 _SAME_FREQUENCY = 1e-3
-"""Relative difference of centre frequencies up to which phases are compared: 1 cm of range is then 1.4 degrees."""
+"""Largest relative difference of centre frequencies for a comparison of phases: 1 cm of range then adds 1.4 degrees."""
 
 
 @dataclass(frozen=True)
 class EchoDifference:
-    """Echo of a target in recording B against that in A, over pairs of frames at about the same time.
+    """Echo of a target in recording B relative to recording A, over pairs of frames at about the same time.
 
     Parameters
     ----------
     num_frames : int
-        Pairs of frames in which both have the target.
+        Pairs of frames in which both recordings have the target.
     ratio_db : float
-        Amplitude of B over that of A, in the median [dB]; a constant of the receivers if the units differ.
+        Median amplitude ratio of B over A [dB]; includes the ratio of the receivers' units if these differ.
     ratio_spread_db : float
         Standard deviation of the ratio [dB].
     phase_deg : float
-        Phase of B less that of A, circular mean over the frames, all channels together [degrees]. What the target moves
-        between the two frames is taken off. NaN where phases cannot be compared.
+        Phase of B minus phase of A, circular mean over frames and all channels [degrees]. The phase is corrected for
+        target motion between the two frames. NaN if phases are not comparable.
     phase_spread_deg : float
-        Circular standard deviation of the phase [degrees]: beyond about 100 the phases have nothing in common.
+        Circular standard deviation of the phase [degrees]; above about 100 the phases are unrelated.
     channel_phases_deg : tuple of float
-        Phase of every channel of B less that of A, against channel 0 [degrees]; empty where channels differ.
+        Phase of B minus phase of A in every channel, relative to channel 0 [degrees]; empty if the channels differ.
     note : str
-        What cannot be compared, and why; empty if all can.
+        Incomparable quantities and the reasons; empty if there are none.
     """
 
     num_frames: int
@@ -57,9 +57,9 @@ class EchoDifference:
 def echo(frame: Frame, distance: float, velocity: float) -> NDArray[np.complex128]:
     """Complex amplitude of the echo at a range and velocity in every channel, (channel,).
 
-    By Hann windows over fast and slow time, at exactly this place between the cells. The phase is that at the middle of
-    the frame and of the sampled band, ``4 pi range / wavelength`` and a constant: errors of place hardly change it. The
-    amplitude of a real tone is its peak value, as that of I/Q.
+    Uses Hann windows over fast and slow time and evaluates exactly this place between the cells. The phase refers to
+    the middle of the frame and of the sampled band: ``4 pi range / wavelength`` plus a constant. Errors of the place
+    hardly change it. The amplitude is the peak value, for real and I/Q tones.
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ def echo(frame: Frame, distance: float, velocity: float) -> NDArray[np.complex12
 
 
 def _tones(radar: Radar, distance: float, velocity: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Conjugate tones (sample,) and (channel, chirp), times the windows; without phase in their middles."""
+    """Windowed conjugate tones (sample,) and (channel, chirp), with phase zero in their middles."""
     wf = radar.waveform
     doppler = 2.0 * velocity / wf.wavelength
     beat = 2.0 * wf.slope * distance / SPEED_OF_LIGHT + doppler
-    # The Doppler frequency of the middle of the frame is also in the samples of each chirp.
+    # The Doppler frequency also acts within each chirp.
     middle_of_sweep = wf.adc_delay + 0.5 * wf.num_samples / wf.sample_rate
     middle_of_frame = radar.middle - middle_of_sweep
     fast = np.exp(-2j * np.pi * beat * (wf.sample_times - middle_of_sweep))
@@ -92,23 +92,23 @@ def _tones(radar: Radar, distance: float, velocity: float) -> tuple[NDArray[np.c
 
 
 def pairs(times_a: _Floats, times_b: _Floats, longest: float) -> NDArray[np.intp]:
-    """Frames of A and B at about the same time, (pair, 2): each of B with the nearest of A, within `longest` [s]."""
+    """Pairs of frames, (pair, 2): each frame of B with the nearest frame of A, within `longest` [s]."""
     nearest = np.abs(times_b[:, None] - times_a).argmin(axis=1)
     is_near = np.abs(times_a[nearest] - times_b) <= longest
     both: NDArray[np.intp] = np.stack([nearest, np.arange(len(times_b))], axis=1)[is_near]
     return both
 
 
-def echo_difference(recordings: Sequence[Recording], followed: Sequence[Estimates]) -> EchoDifference:
-    """Amplitudes and phases of a target in two recordings, in frames at most half an interval apart.
+def echo_difference(recordings: Sequence[Recording], estimated: Sequence[Estimates]) -> EchoDifference:
+    """Amplitudes and phases of a target in two recordings, in frames within half an interval of each other.
 
     Parameters
     ----------
     recordings : (A, B)
-    followed : (A, B)
+    estimated : (A, B)
         Estimates of the target in every frame.
     """
-    a, b = followed
+    a, b = estimated
     paired = pairs(a.time, b.time, 0.5 * max(map(usual_interval, recordings)) + 1e-6)
     both = [(i, j) for i, j in paired.tolist() if np.isfinite(a.range[i] + a.velocity[i] + b.range[j] + b.velocity[j])]
     radars = [recording.radar for recording in recordings]
@@ -129,7 +129,7 @@ def echo_difference(recordings: Sequence[Recording], followed: Sequence[Estimate
     for i, j in both:
         found = [
             echo(recording[k], one.range[k], one.velocity[k])
-            for recording, one, k in zip(recordings, followed, (i, j), strict=True)
+            for recording, one, k in zip(recordings, estimated, (i, j), strict=True)
         ]
         powers = [float(np.mean(np.abs(one) ** 2)) for one in found]
         levels.append(10.0 * np.log10(powers[1] / powers[0]) if min(powers) > 0.0 else np.nan)
@@ -144,7 +144,7 @@ def echo_difference(recordings: Sequence[Recording], followed: Sequence[Estimate
 
 
 def _phases(products: NDArray[np.complex128]) -> tuple[float, float, tuple[float, ...]]:
-    """Circular mean and deviation of the phases, and those of channels against the first, of (pair, channel)."""
+    """Circular mean and deviation of the phases (pair, channel), and phases of channels relative to the first."""
     together = products.sum(axis=1)
     unit = together / np.maximum(np.abs(together), 1e-300)
     mean = unit.mean()

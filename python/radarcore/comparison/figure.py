@@ -1,4 +1,4 @@
-"""Pictures of a comparison: maps side by side, and ranges and velocities over time on top of the truth."""
+"""Figures of a comparison: maps side by side, and ranges and velocities over time on top of the truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLORS = (canvas.COLORS[0], canvas.COLORS[1])
-"""Of recording A and of B."""
+"""Colours of recordings A and B."""
 
 _MARKERS: tuple[dict[str, Any], ...] = (
     {"marker": "o", "fillstyle": "none", "markersize": 4.5},
@@ -32,13 +32,13 @@ _MARKERS: tuple[dict[str, Any], ...] = (
 """Rings of A around the dots of B."""
 
 _OWN_BINS = 3.0
-"""Range up to which leakage of the transmitter is stronger than echoes [range bins]."""
+"""Range bins where leakage of the transmitter is stronger than echoes."""
 
 _LEAST_SPAN_DB = 30.0
-"""Levels that the colours of a map span at least [dB]."""
+"""Least span of the colours of a map [dB]."""
 
 _ROOM = 1.15
-"""Part of the axes beyond the targets."""
+"""End of the axes relative to the targets."""
 
 
 def draw(
@@ -91,7 +91,7 @@ def draw(
             for ax in (ranges, velocities):
                 ax.plot(one.time, 0.0, "|", color=color, markersize=9.0, transform=ax.get_xaxis_transform())
 
-    # Names come last, when everything has its place, and leave it there.
+    # Names are placed last, into the final layout.
     canvas.place_names(*((ax, names, "white" if ax in (ranges, velocities) else "black") for ax, names in named))
     figure.set_layout_engine("none")
     canvas.save(figure, path, overwrite=overwrite)
@@ -99,7 +99,7 @@ def draw(
 
 
 def over_time(comparison: Record, *, max_range: float | None = None) -> Figure:
-    """Power of the recordings over time and range, below each other, by the common base."""
+    """Power of the recordings over common time and range, one below the other."""
     end = _range_end(comparison) if max_range is None else check.positive("max_range", max_range, "m")
     figure = canvas.new_figure(12.0, 3.4 * len(comparison.sides))
     rows: Any = figure.subplots(len(comparison.sides), 1, squeeze=False)[:, 0]
@@ -114,7 +114,7 @@ def over_time(comparison: Record, *, max_range: float | None = None) -> Figure:
 
 
 def _show_targets(ax: Axes, side: Side) -> None:
-    """Colours of a map up to its strongest echo beyond the ranges in which a radar hears itself."""
+    """Limit the colours of a map to its strongest echo beyond the leakage."""
     (picture,) = ax.images
     levels: Any = picture.get_array()  # (range, velocity)
     bottom, top = picture.get_extent()[2:]
@@ -126,7 +126,7 @@ def _show_targets(ax: Axes, side: Side) -> None:
 
 
 def _draw_series(ax: Axes, comparison: Record, quantity: str) -> list[Name]:
-    """Truth as lines, estimates as rings and dots; the names of the targets."""
+    """Draw truth as lines and estimates as rings and dots; return the names of the targets."""
     names = []
     for target in comparison.targets:
         column = ("range", "velocity").index(quantity)
@@ -146,7 +146,7 @@ def _draw_series(ax: Axes, comparison: Record, quantity: str) -> list[Name]:
 
 
 def _frame(comparison: Record, side: Side, time: float) -> Frame:
-    """Frame of a recording nearest to a time of the common base, with that time, and the truth of the targets."""
+    """Frame of a recording nearest to a common time, with its common time and the truth of the targets."""
     index = int(np.abs(side.time - time).argmin())
     frame = side.recording[index]
     truth = _named(comparison, side)
@@ -154,7 +154,7 @@ def _frame(comparison: Record, side: Side, time: float) -> Frame:
 
 
 def _named(comparison: Record, side: Side) -> Truth | None:
-    """Truth of the compared targets by their own names, over the frames of a recording."""
+    """Truth of the compared targets under their names, over the frames of a recording."""
     which = comparison.sides.index(side)
     columns = [
         (target.name, *target.truth[which])
@@ -170,13 +170,13 @@ def _named(comparison: Record, side: Side) -> Truth | None:
 
 
 def _middle(sides: Sequence[Side]) -> float:
-    """Middle of the time that the recordings have in common, or of A [s]."""
+    """Middle of the recordings' overlap, or of A without overlap [s]."""
     first, last = max(side.time[0] for side in sides), min(side.time[-1] for side in sides)
     return float(0.5 * (first + last) if first <= last else sides[0].time.mean())
 
 
 def _within(sides: Sequence[Side], time: float) -> float:
-    """A time [s], or a ValueError where a recording has no frame at about that time."""
+    """The time [s]; raises ValueError if a recording has no frame near it."""
     for side in sides:
         margin = usual_interval(side.recording)
         first, last = side.time[0] - margin, side.time[-1] + margin
@@ -187,21 +187,21 @@ def _within(sides: Sequence[Side], time: float) -> float:
 
 
 def _span(sides: Sequence[Side]) -> tuple[float, float]:
-    """Time from the first frame of all to the last [s]."""
+    """Time span from the first to the last frame of all recordings [s]."""
     first, last = min(side.time[0] for side in sides), max(side.time[-1] for side in sides)
     margin = 0.01 * max(float(last - first), 1e-3)
     return float(first) - margin, float(last) + margin
 
 
 def _range_end(comparison: Record) -> float:
-    """A little beyond the farthest target [m]."""
+    """End of the range axes: 15 % above the farthest target [m]."""
     known = [values[np.isfinite(values)].max(initial=0.0) for values in _all(comparison, "range")]
     farthest = max(known, default=0.0)
     return float(farthest * _ROOM) if farthest > 0.0 else comparison.sides[0].recording.radar.max_unambiguous_range
 
 
 def _velocity_end(comparison: Record) -> float:
-    """A little beyond the fastest target, at least four bins [m/s]."""
+    """End of the velocity axis: 15 % above the fastest target, at least four bins [m/s]."""
     known = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in _all(comparison, "velocity")]
     return float(max(_ROOM * max(known, default=0.0), 4.0 * max(side.bins[1] for side in comparison.sides)))
 

@@ -1,4 +1,4 @@
-"""Record of a comparison: its recordings on one time base, its targets, and settings that differ."""
+"""Record of a comparison: recordings on a common time base, targets, and differing settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from radarcore.recording.frame import Truth
 from radarcore.recording.recording import Recording
 
 _ROUNDING = 1e-9
-"""Relative difference of numbers that are the same."""
+"""Largest relative difference of equal numbers."""
 
 _OF_WAVEFORM = {
     "start_frequency": "Hz",
@@ -36,7 +36,7 @@ _OF_WAVEFORM = {
 
 
 class Difference(NamedTuple):
-    """A setting that differs: its name, and the values of A and of B as texts with units."""
+    """A differing setting: its name, and the values of A and B as texts with units."""
 
     name: str
     a: str
@@ -44,7 +44,7 @@ class Difference(NamedTuple):
 
 
 def differences(a: Radar, b: Radar) -> tuple[Difference, ...]:
-    """Settings in which two radars differ, those of the waveform first."""
+    """Differing settings of two radars, waveform settings first."""
     found = []
     for (name, unit, one), (_, _, other) in zip(_settings(a), _settings(b), strict=True):
         if not _same(one, other):
@@ -69,7 +69,7 @@ def _places(antennas: Any) -> str:
 
 
 def _receiver(radar: Radar) -> str:
-    """The receiver in a few words: its noise, and whether it has codes."""
+    """Short description of the receiver: noise and codes."""
     receiver = radar.receiver
     if receiver is None:
         return "ideal"
@@ -99,13 +99,13 @@ class Side:
     found : Found
         The recording, its detections and tracks.
     offset : RecordingOffset
-        Added to the times of the recording it gives those of the common base.
+        Common time minus the recording's time.
     dropped : tuple of Dropped
-        Frames that are missing.
+        Missing frames.
     time : (frame,) float64
-        Middle of every frame, by the common base [s].
+        Middle of every frame in common time [s].
     truth : Truth
-        Of all that is known to be there, at these times; what A has tracked if there is no truth.
+        Of all known bodies at these times; without any truth, the tracks of A.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Side:
 
     @property
     def recording(self) -> Recording:
-        """The recording, by its own clock."""
+        """The recording, with times of its own clock."""
         return self.found.recording
 
     @property
@@ -134,14 +134,14 @@ class TargetComparison:
     ----------
     name : str
     estimates : tuple of Estimates
-        Of every recording, by the common base.
+        Of every recording, in common time.
     truth : tuple of (range, velocity) or None
         Of every recording, arrays (frame,) at the times of the estimates; None without truth.
     errors : tuple of TargetErrors
         Of every recording against the truth; empty without truth.
     difference : TargetErrors or None
-        Of B against A, over the frames of B, A's estimates interpolated to their times; "visible" are those with an
-        estimate of A. None without B.
+        Of B against A over the frames of B, with A interpolated to their times. A frame counts as visible if A has an
+        estimate. None without B.
     echo : EchoDifference or None
         Amplitudes and phases of B against A; None without B.
     """
@@ -175,7 +175,7 @@ class Record:
     truth_source: str
 
     def __getitem__(self, name: str) -> TargetComparison:
-        """The target of a name; KeyError for one that is not there."""
+        """Target by name; raises KeyError for an unknown name."""
         for target in self.targets:
             if target.name == name:
                 return target

@@ -31,7 +31,7 @@ def text(comparison: Record) -> str:
 
 
 def html(comparison: Record, *, time: float | None = None, max_range: float | None = None) -> str:
-    """The tables and pictures as a page that needs no other file."""
+    """The tables and pictures as a self-contained page."""
     title = " and ".join(side.name for side in comparison.sides)
     parts = [
         "<!DOCTYPE html>",
@@ -55,7 +55,7 @@ def html(comparison: Record, *, time: float | None = None, max_range: float | No
 
 
 def facts(comparison: Record) -> dict[str, Any]:
-    """Everything but the series as plain numbers and texts; None for what is not known."""
+    """Everything except the series as plain numbers and texts; None for unknown values."""
     return {
         "truth": comparison.truth_source or None,
         "recordings": [
@@ -91,7 +91,7 @@ def tables(comparison: Record) -> Iterator[Table]:
     yield _recordings(sides)
     if len(sides) == 2:
         header = ("", *(side.name for side in sides))
-        note = "" if comparison.differences else "None: the radars are alike."
+        note = "" if comparison.differences else "None: the radars have equal settings."
         yield Table(header, comparison.differences, "Settings that differ", note)
     for k, side in enumerate(sides):
         if comparison.truth_source:
@@ -126,7 +126,7 @@ def _recordings(sides: Sequence[Side]) -> Table:
             )
         )
     estimated = any(side.offset.is_estimated for side in sides)
-    note = "Offsets with a deviation are estimated from velocities that change." if estimated else ""
+    note = "Offsets with a deviation are estimated from changing velocities." if estimated else ""
     return Table(header, rows, "Recordings, by the common time base", note)
 
 
@@ -175,7 +175,7 @@ def _echoes(comparison: Record, a: str, b: str) -> Table:
             )
         )
     note = f"{'; '.join(notes)}." if notes else ""
-    return Table(header, rows, f"Echoes of {b} against those of {a}", note[:1].upper() + note[1:])
+    return Table(header, rows, f"Echoes of {b} relative to {a}", note[:1].upper() + note[1:])
 
 
 def _dropped(sides: Sequence[Side]) -> Table:

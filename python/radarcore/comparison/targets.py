@@ -1,4 +1,4 @@
-"""Targets of a recording: its frames, detections and tracks, the tracks that follow a body, and their errors."""
+"""Targets of a recording: frames, detections and tracks, the assignment of tracks to bodies, and errors."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from radarcore.recording.recording import Recording, middles, usual_interval
 _Floats = NDArray[np.float64]
 
 RANGE_LIMIT, VELOCITY_LIMIT = 0.5, 1.0
-"""Errors below which frames are counted [bins]."""
+"""Frames with errors below these limits are counted [bins]."""
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a quantity, in its unit, over the frames in which it is both known and measured.
+    """Errors of a quantity, in its unit, over the frames with both a truth and a measurement.
 
     Parameters
     ----------
     bias : float
-        Median of the errors, with their signs.
+        Median of the signed errors.
     median, percentile_95, rms, largest : float
-        Of their magnitudes; NaN without any.
+        Of the magnitudes; NaN without errors.
     bin_width : float
         Width of a bin of the waveform, in the same unit.
     num_within : int
@@ -81,15 +81,15 @@ class TargetErrors:
     ----------
     name : str
     num_frames : int
-        Frames in which the target was visible: its truth is known.
+        Frames with a visible target (known truth).
     num_tracked : int
-        Visible frames in which a track followed the target.
+        Visible frames with a track of the target.
     num_predicted : int
-        Those of them without an echo of the target: the track is a prediction there.
+        Tracked frames without an echo of the target, in which the track is a prediction.
     num_tracks : int
-        Tracks that followed the target, side by side or one after the other.
+        Tracks of the target, at the same time or in succession.
     range, velocity : Errors
-        Over the visible frames in which it was tracked by an echo [m, m/s].
+        Over the visible frames in which an echo updated the track [m, m/s].
     """
 
     name: str
@@ -102,12 +102,12 @@ class TargetErrors:
 
     @property
     def range_share(self) -> float:
-        """Part of the visible frames with a range error below half a bin; NaN if it was never visible."""
+        """Share of the visible frames with a range error below half a bin; NaN without visible frames."""
         return self.range.num_within / self.num_frames if self.num_frames > 0 else np.nan
 
     @property
     def velocity_share(self) -> float:
-        """Part of the visible frames with a velocity error below one bin; NaN if it was never visible."""
+        """Share of the visible frames with a velocity error below one bin; NaN without visible frames."""
         return self.velocity.num_within / self.num_frames if self.num_frames > 0 else np.nan
 
     def to_dict(self) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def target_errors(
     name : str
     estimated : Estimates
     true : (range, velocity)
-        Arrays (frame,) [m, m/s]; NaN where they are not known.
+        Arrays (frame,) [m, m/s]; NaN where unknown.
     bins : (float, float)
         Widths of a bin of range and of velocity [m, m/s].
     """
@@ -185,18 +185,18 @@ def _errors(errors: _Floats, bin_width: float, limit: float) -> Errors:
 
 @dataclass(frozen=True)
 class Dropped:
-    """Frames that are missing before one that is there.
+    """A gap of missing frames.
 
     Parameters
     ----------
     frame : int
         Index of the frame after the gap.
     time : float
-        Its start, by the common base [s].
+        Start of this frame in common time [s].
     count : int
         Number of missing frames.
     is_counted : bool
-        Whether the recording counts them itself; the gap of the times tells otherwise.
+        True if the recording counts them itself; False if derived from the gap of the times.
     """
 
     frame: int
@@ -206,7 +206,7 @@ class Dropped:
 
 
 def dropped_frames(recording: Recording, offset: float = 0.0) -> tuple[Dropped, ...]:
-    """Frames that a recording lacks: as it counts them itself, and as gaps of its times tell."""
+    """Missing frames of a recording, from its own counts and from gaps of its times."""
     interval = usual_interval(recording)
     by_gap = np.zeros(len(recording), dtype=np.int64)
     by_gap[1:] = np.rint(np.diff(recording.time) / interval).astype(np.int64) - 1
@@ -219,22 +219,22 @@ def dropped_frames(recording: Recording, offset: float = 0.0) -> tuple[Dropped, 
 
 
 FALSE_ALARM_RATE = 1e-4
-"""Detections per cell of noise: less than one per frame, which tracks outlive."""
+"""Detections per cell of noise: fewer than one per frame, which tracks tolerate."""
 
 _LONGEST_GAP = 0.5
-"""Time that a track outlives without a detection [s]: while a person turns or is behind something."""
+"""Longest time of a track without a detection [s], for example while a person turns or is hidden."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Detections of every frame of a recording, and their tracks, by the recording's own clock."""
+    """Detections of every frame of a recording and their tracks, with times of the recording's clock."""
 
     recording: Recording
     detections: tuple[Detections, ...]
     follow: Callable[..., Tracks]
     """`track` with the settings of the recording."""
     motion: AnyMotion | None = None
-    """Of the sensor; None: tracks of people are in the sensor frame."""
+    """Motion of the sensor; None: tracks of people are in the sensor frame."""
 
     @cached_property
     def tracks(self) -> Tracks:
@@ -243,7 +243,7 @@ class Found:
 
     @cached_property
     def people(self) -> Tracks:
-        """Tracks of things as large as people."""
+        """Tracks of objects of the size of people."""
         detections = iter(self.detections)
         return self.follow(
             self.recording,
@@ -256,7 +256,7 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Estimates of a target in every frame; NaN where no track follows it."""
+    """Estimates of a target in every frame; NaN without a track."""
 
     time: NDArray[np.float64]
     """Middle of the frame [s]."""
@@ -265,9 +265,9 @@ class Estimates:
     velocity: NDArray[np.float64]
     """[m/s]."""
     is_detected: NDArray[np.bool_]
-    """False where the target sends no echo and its track is a prediction."""
+    """False where there is no echo and the track is a prediction."""
     num_tracks: int
-    """Tracks that follow the target in some frame."""
+    """Number of tracks of the target."""
 
 
 def found_in(
@@ -284,11 +284,11 @@ def found_in(
     ----------
     recording : Recording
     motion : Motion, optional
-        Of the sensor, for tracks of people: things at rest are then no people. Default: the sensor is at rest.
+        Of the sensor, for tracks of people: static objects are then not tracked. Default: the sensor is at rest.
     detector : callable, optional
         Detections of a frame; default: `radarcore.detect` with less than one false alarm per frame.
     range_only : bool
-        Track ranges and velocities, without angles.
+        Track ranges and velocities without angles.
     progress : bool
         Show a progress bar when run in a terminal.
     """
@@ -307,34 +307,34 @@ def found_in(
 
 
 def truth_of(truth: Truth, body: str) -> tuple[_Floats, _Floats]:
-    """Range [m] and velocity [m/s] that count for a target, (frame,) each; NaN where it is not visible.
+    """True range [m] and velocity [m/s] of a target, (frame,) each; NaN where it is not visible.
 
-    Of a thing of several parts, such as a person, the range is that of its nearest visible point, which may be of any
-    part; the velocity is that of the named part: its track follows the whole and not the hand in front.
+    For an object with several parts, such as a person, the range is the distance to the nearest visible point of any
+    part. The velocity belongs to the named part, because a track follows the whole object and not the hand in front.
     """
     parts = [name for name in truth.names if thing(name) == thing(body)]
     return np.fmin.reduce(truth.select(parts).range, axis=1), truth.select([body]).velocity[:, 0]
 
 
 def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float = 0.0) -> dict[str, Estimates]:
-    """Estimates of some bodies by the tracks that follow them.
+    """Estimates of bodies from their tracks.
 
-    A track follows the body whose truth is nearest to it throughout. The estimate of a frame is the detection of a
-    track or, where it has none, the state that those before and after tell (`track(smooth=True)`).
+    Each track is assigned to the body with the nearest truth over the whole track. The estimate of a frame is the
+    track's detection or, without a detection, its smoothed state (`track(smooth=True)`).
 
-    A thing of several parts, such as a person, has one track of `Found.people`, chosen once: the one that is there in
-    most of the frames in which the thing is visible, of several such things among those that follow it. The estimates
-    are the range of its nearest point and its velocity.
+    An object with several parts, such as a person, has a single track of `Found.people`: the track present in most of
+    the frames in which the object is visible. With several such objects, only tracks assigned to the object are
+    candidates. The estimates are the range of the track's nearest point and its velocity.
 
     Parameters
     ----------
     found : Found
     truth : Truth
-        Of all that is known to be there, arrays (frame, body): what tracks may follow.
+        Of all known bodies, arrays (frame, body); tracks may be assigned to any of them.
     bodies : iterable of str
         Names of bodies.
     offset : float
-        Added to the times of the recording it gives those of the estimates [s].
+        Time of the estimates minus the recording's time [s].
     """
     waveform, time = found.recording.radar.waveform, middles(found.recording, offset)
     bodies = list(bodies)
@@ -359,15 +359,15 @@ def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float =
 
 
 def _followers(tracks: Tracks, truth: Truth, body: str) -> list[Track]:
-    """Tracks that follow a body, of a thing of several parts those that follow any of them."""
+    """Tracks assigned to a body; for an object with several parts, to any of its parts."""
     owners = assign_to_truth(tracks, truth)
     return [one for one in tracks if (owner := owners[one.id]) is not None and thing(owner) == thing(body)]
 
 
 def measured(track: Track, found: Sequence[Detections], waveform: Waveform) -> NDArray[np.float64]:
-    """Range [m], velocity [m/s] of a track and whether it is detected in its frames, (row, 3).
+    """Range [m] and velocity [m/s] of a track in its frames, and 1 for a detection, else 0, (row, 3).
 
-    They are of its detection, or what it expects without.
+    Values come from the detection or, without one, from the track's state.
     """
     points = np.stack([track.range, track.velocity, track.is_detected], axis=1)
     for k in np.flatnonzero(track.is_detected):
@@ -378,7 +378,7 @@ def measured(track: Track, found: Sequence[Detections], waveform: Waveform) -> N
 
 
 def _nearest_of(points: NDArray[np.float64], place: NDArray[np.float64], waveform: Waveform) -> int:
-    """Index of the point nearest to a place, (point, 2) and (2,) [m, m/s]; by range alone without velocities."""
+    """Index of the point (point, 2) nearest to a place (2,) [m, m/s]; without velocities, by range alone."""
     bins = np.array([waveform.range_resolution, waveform.velocity_resolution])
     return int(np.nansum(np.square((points - place) / bins), axis=1).argmin())
 
@@ -386,7 +386,7 @@ def _nearest_of(points: NDArray[np.float64], place: NDArray[np.float64], wavefor
 def _nearest(
     followers: Sequence[Track], found: Sequence[Detections], true: NDArray[np.float64], waveform: Waveform
 ) -> NDArray[np.float64]:
-    """Rows of `measured` in every frame, of several tracks those nearest to the truth, (frame, 3)."""
+    """Row of `measured` in every frame from the track nearest to the truth, (frame, 3)."""
     candidates: dict[int, list[NDArray[np.float64]]] = {}
     for follower in followers:
         for frame, point in zip(follower.frame, measured(follower, found, waveform), strict=True):

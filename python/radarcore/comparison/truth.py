@@ -1,4 +1,4 @@
-"""Truth over time: of motions in the world, or as it was recorded."""
+"""Truth over time, from motions in the world or from a recording."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from radarcore.scene.body import Body, PointTarget, motion_of
 _Floats = NDArray[np.float64]
 
 _LONGEST_STEP = 2.5
-"""Frames farther apart are not joined, in ordinary intervals."""
+"""Longest gap to interpolate, in ordinary frame intervals."""
 
 _FRONT = 1e-3
-"""Least distance of a target in front of the radar [m]: what is beside or behind it is not visible."""
+"""Least distance of a visible target in front of the radar [m]; targets beside or behind it are not visible."""
 
 
 class MovingTargets:
-    """Truth of targets that move in the world, seen from a radar that may move too.
+    """Truth of targets that move in the world, relative to a radar that may move too.
 
     Parameters
     ----------
     targets : mapping
-        Motions, bodies or point targets by name. The truth of a motion is that of its origin; of a body it is that of
-        the point of its surface which is nearest to the radar.
+        Motions, bodies or point targets by name. The true point of a motion is its origin, of a body the point of its
+        surface nearest to the radar.
     radar_motion : motion, optional
-        Sensor to world; default: the world's own frame.
+        Sensor to world; default: the sensor frame is the world frame.
     radii : mapping, optional
-        Distance by which the surface of a target is nearer to the radar than the origin of its motion [m], by name.
+        Distance by name from the origin of a motion to the target's surface, towards the radar [m].
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class MovingTargets:
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """First and last time of the motions that have ends [s]; None if none has."""
+        """Common time span of the motions with ends [s]; None without such motions."""
         ends = [ends for motion in (*self._motions.values(), self._radar) for ends in _ends(motion)]
         return (max(first for first, _ in ends), min(last for _, last in ends)) if ends else None
 
     def at(self, times: ArrayLike) -> Truth:
-        """Truth at times of the common base [s]; NaN in gaps of the motions, and for what is not before the radar."""
+        """Truth at common times [s]; NaN in gaps of the motions, and for targets not in front of the radar."""
         wanted = check.numbers("times", times)
         rows = np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan)
         radar_known = known_at(self._radar, wanted)
@@ -79,12 +79,12 @@ class MovingTargets:
         return Truth(self.names, *rows)
 
     def _seen(self, name: str, times: _Floats) -> _Floats:
-        """Range, velocity, azimuth and elevation of a target at times when it is known, (4, time)."""
+        """Range, velocity, azimuth and elevation of a target at known times, (4, time)."""
         motion, body = self._motions[name], self._bodies[name]
         radar, target = poses_at(self._radar, times), poses_at(motion, times)
         radar_rate, target_rate = _rates(self._radar, times), _rates(motion, times)
 
-        # The point of the target, in its own axes.
+        # The true point of the target, in the target's axes.
         to_radar = radar[:, :, 3] - target[:, :, 3]
         points = np.zeros((len(times), 3))
         if body is not None:
@@ -94,7 +94,7 @@ class MovingTargets:
                 corners = body.vertices_at(float(time))[body.mesh.triangles]
                 points[chosen] = nearest_points(seen_from[chosen], corners)
 
-        # Its place and velocity as the radar has them, and the range rate along the line of sight.
+        # Its place and velocity relative to the radar, and the range rate along the line of sight.
         place = np.einsum("tij,tj->ti", target[:, :, :3], points) - to_radar
         velocity = np.einsum("tij,tj->ti", target_rate[:, :, :3], points) + target_rate[:, :, 3] - radar_rate[:, :, 3]
         seen_from_radar = np.einsum("tji,tj->ti", radar[:, :, :3], place)
@@ -106,12 +106,12 @@ class MovingTargets:
 
 
 class RecordedTruth:
-    """Truth of frames, continued between them: ranges along cubics with the velocities as slopes, the rest linear.
+    """Truth of frames with interpolation: cubic Hermite for ranges with the velocities as slopes, linear for the rest.
 
     Parameters
     ----------
     times : (frame,) array_like
-        Middle of every frame, by the common base [s].
+        Middle of every frame in common time [s].
     truth : Truth
         Arrays (frame, body).
     """
@@ -127,14 +127,14 @@ class RecordedTruth:
         return float(self.times[0]), float(self.times[-1])
 
     def at(self, times: ArrayLike) -> Truth:
-        """Truth at times of the common base [s]; NaN beyond the frames, in gaps, and where a neighbour has none."""
+        """Truth at common times [s]; NaN outside of the frames, in gaps, and next to frames without truth."""
         wanted = check.numbers("times", times)
         right = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))
         left, right = right - 1, np.minimum(right, len(self.times) - 1)
         step = self.times[right] - self.times[left]
         part = (wanted - self.times[left]) / np.where(step > 0.0, step, 1.0)
         usual = float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
-        slack = 1e-6 + 4.0 * np.spacing(np.abs(wanted))  # rounding of times, those since 1970 among them
+        slack = 1e-6 + 4.0 * np.spacing(np.abs(wanted))  # rounding of times, which may count from 1970
         at_left, at_right = (np.abs(wanted - self.times[end]) <= slack for end in (left, right))
         inside = (part >= 0.0) & (part <= 1.0) & (step <= _LONGEST_STEP * usual)
 
@@ -153,21 +153,21 @@ class RecordedTruth:
         return Truth(self.names, *rows)
 
     def _bent(self, left: NDArray[np.intp], right: NDArray[np.intp], step: _Floats, part: _Floats) -> _Floats:
-        """The cubic through two ranges with given slopes, less the line through them [m]."""
+        """Deviation of the Hermite cubic between two ranges from the line between them [m]."""
         line = self.truth.range[right] - self.truth.range[left]
         before, after = (step[:, None] * self.truth.velocity[end] - line for end in (left, right))
         t = part[:, None]
         bent: _Floats = t * (1.0 - t) * ((1.0 - t) * before - t * after)
-        # Radars without velocities tell no slopes.
+        # Without velocities there are no slopes.
         return np.where(np.isnan(bent), 0.0, bent)
 
 
 TruthOverTime = MovingTargets | RecordedTruth
-"""Truth that can be asked for any times."""
+"""Truth at any times."""
 
 
 def with_names(truth: Truth, names: Sequence[str]) -> Truth:
-    """Truth of the bodies with these names, (frame, body); NaN for those that it does not know."""
+    """Truth of the bodies with these names, (frame, body); NaN for unknown bodies."""
     rows = np.full((len(TRUTH_FIELDS), len(truth.range), len(names)), np.nan)
     for k, name in enumerate(names):
         if name in truth.names:
@@ -177,7 +177,7 @@ def with_names(truth: Truth, names: Sequence[str]) -> Truth:
 
 
 def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:
-    """Times at which a motion is known: not in its gaps nor beyond its ends, if it has any."""
+    """True for times at which a motion is known: outside of gaps and within its ends."""
     is_known = np.ones(len(times), dtype=bool)
     for part in with_factors([motion]):
         known: Callable[[ArrayLike], NDArray[np.bool_]] | None = getattr(part, "known", None)
@@ -187,7 +187,7 @@ def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:
 
 
 def _ends(motion: Motion) -> list[tuple[float, float]]:
-    """First and last time of a motion that is a series [s], and of what it is attached to; of others nothing."""
+    """First and last times of a motion and its factors that are time series [s]."""
     series = [getattr(part, "times", None) for part in with_factors([motion])]
     return [(float(times[0]), float(times[-1])) for times in series if times is not None]
 
@@ -203,20 +203,20 @@ def _rates(motion: Motion, times: _Floats) -> _Floats:
 
 
 def nearest_points(places: _Floats, corners: _Floats) -> _Floats:
-    """The nearest points of triangles to some places, (place, 3) [m].
+    """Points of triangles nearest to some places, (place, 3) [m].
 
     Parameters
     ----------
     places : (place, 3) float64
         In the coordinates of the triangles [m].
     corners : (triangle, 3, 3) float64
-        Corners of each, at least one triangle, none degenerate [m].
+        Corners of at least one triangle, none degenerate [m].
     """
     from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
 
     if len(corners) == 0:
         raise ValueError("truth: expected a body with triangles, got an empty mesh")
-    # A triangle can only have the nearest point if its centre is not farther than the nearest corner and its own reach.
+    # A candidate's centre is not farther than the nearest corner plus the largest reach of a triangle.
     centres = corners.mean(axis=1)
     reach = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
     tree = cKDTree(centres)

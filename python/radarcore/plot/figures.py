@@ -74,7 +74,7 @@ def overview(
     """
     canvas.picture(path, overwrite)
     wf = frame.radar.waveform
-    seen, told = (frame, "") if moving is None else (moving, ", static echoes removed")
+    seen, note = (frame, "") if moving is None else (moving, ", static echoes removed")
     names: list[tuple[Axes, list[Name]]] = []
     figure = canvas.new_figure(11.0, 8.2 if image is not None else 4.4)
     panels = list(figure.subplots(2 if image is not None else 1, 2).flat)
@@ -91,9 +91,9 @@ def overview(
     if wf.num_chirps > 1 and wf.has_uniform_chirps:
         drawn = frame_pictures.draw_map(panels[-1], seen, channel, max_range=max_range, max_velocity=max_velocity)
         names.append((panels[-1], drawn))
-        panels[-1].set_title(f"Range and velocity{told}")
+        panels[-1].set_title(f"Range and velocity{note}")
     else:
-        frame_pictures.range_profile(seen, channel, panels[-1], max_range=max_range).set_title(f"Range{told}")
+        frame_pictures.range_profile(seen, channel, panels[-1], max_range=max_range).set_title(f"Range{note}")
     if image is not None and (truth := frame.truth) is not None:
         across, up = np.tan(truth.azimuth), np.tan(truth.elevation) / np.cos(truth.azimuth)
         names += [(ax, frame_pictures.mark(ax, across, up, truth.names)) for ax in panels[:2]]

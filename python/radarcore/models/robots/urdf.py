@@ -187,7 +187,7 @@ class _Reader:
             if directory is None:
                 raise FileNotFoundError(
                     2,
-                    f"{self.path}: package {package!r} is not among package_directories nor around the file",
+                    f"{self.path}: package {package!r} is not among package_directories, and not around the file",
                     filename,
                 )
             file = Path(directory) / rest

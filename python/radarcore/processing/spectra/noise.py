@@ -31,7 +31,7 @@ LEAST_NOISE = float(np.finfo(np.float32).tiny)
 
 
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
-    """Mean noise power of the cells of a map, of which at least half must be free of echoes.
+    """Mean noise power of the cells of a map; at least half of them must be free of echoes.
 
     The median, divided by its value for noise of mean 1: a few strong echoes hardly change it. Cells need not be
     independent.
