@@ -57,8 +57,21 @@ def main(count: int, output: Path) -> None:
             y[seed] += [name] * number
     model = ExtraTreesClassifier(300, random_state=0).fit(x[1], y[1])
     print(f"{len(x[1])} maps to learn from, {len(x[2])} of another seed: accuracy {model.score(x[2], y[2]):.2f}")
-    figure = Figure(figsize=(4.6, 4.0), layout="constrained")
-    ConfusionMatrixDisplay.from_estimator(model, x[2], y[2], ax=figure.subplots(), colorbar=False, cmap="Blues")
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+    velocity = rc.bgt60tr13c(chirp_interval=200e-6).waveform.velocity_axis()
+    for name in dict.fromkeys(y[2]):
+        strongest = np.array(x[2])[np.array(y[2]) == name, : len(velocity)]
+        low, middle, high = np.percentile(strongest, (10.0, 50.0, 90.0), axis=0)
+        left.fill_between(velocity, low, high, alpha=0.2)
+        left.plot(velocity, middle, label=name)
+    left.set(xlabel="Velocity [m/s, receding positive]", ylabel="Strongest range [dB over noise]")
+    left.set_title("Features: median, band of 80 % of the maps", fontsize="medium")
+    left.margins(x=0.0)
+    left.grid(alpha=0.3)
+    left.legend(loc="upper left")
+    ConfusionMatrixDisplay.from_estimator(model, x[2], y[2], ax=right, colorbar=False, cmap="Blues")
+    right.set_title(f"{len(x[2])} maps of another seed: {model.score(x[2], y[2]):.0%} right", fontsize="medium")
     figure.savefig(output, dpi=90)
 
 

@@ -8,6 +8,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import radarcore as rc
 
@@ -31,8 +32,6 @@ simulator = rc.Simulator(rc.Scene([*targets, interferer]), radar)
 
 
 def main(output: Path) -> None:
-    from matplotlib.figure import Figure
-
     frames = {"alone": rc.Simulator(rc.Scene(targets), radar).frame(), "disturbed": simulator.frame()}
     stats = frames["disturbed"].stats
     print(f"received {10.0 * np.log10(stats['strongest_interferer']) + 30.0:.1f} dBm, {stats['chirps_hit']} chirps hit")
@@ -41,13 +40,14 @@ def main(output: Path) -> None:
 
     floors = []
     figure = Figure(figsize=(8.6, 5.4), layout="constrained")
-    for (name, frame), (upper, lower) in zip(frames.items(), figure.subplots(2, 2, sharey="row").T, strict=True):
-        rc.plot.chirp(frame, chirp=12, ax=upper).set_title(f"One chirp, {name}")
+    for (name, frame), (upper, lower) in zip(frames.items(), figure.subplots(2, 2).T, strict=True):
+        rc.plot.chirp(frame, chirp=12, ax=upper).set(title=f"One chirp, {name}", ylim=(-30.0, 40.0))
         rc.plot.range_doppler_map(frame, ax=lower, max_range=60.0, max_velocity=12.0).set_title(f"Map, {name}")
         floors.append(10.0 * np.log10(rc.processing.noise_level(np.abs(rc.range_doppler(frame)) ** 2)))
         for target, r, v in zip(frame.truth.names, frame.truth.range, frame.truth.velocity, strict=True):
             around = {"min_range": r - 1.0, "max_range": r + 1.0, "min_velocity": v - 1.0, "max_velocity": v + 1.0}
             print(f"{name}: {target} {rc.strongest_peak(frame, min_snr_db=0.0, **around).snr_db:.1f} dB over the floor")
+    lower.annotate("lost in the noise", (v, r), (1.5, 5.0), color="white", arrowprops={"arrowstyle": "->", "ec": "w"})
     print(f"floor raised by {floors[1] - floors[0]:.1f} dB")
     output.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(output, dpi=80)

@@ -5,7 +5,6 @@ MUSIC, which looks for directions orthogonal to the noise, parts it. Vary the an
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +34,11 @@ simulator = rc.Simulator(rc.Scene([rc.PointTarget(place) for place in places]), 
 
 def main(output: Path) -> None:
     frame, nearest = simulator.frame(), np.abs(waveform.range_axis() - DISTANCE).argmin()
-    figure = Figure(figsize=(12.0, 3.4), layout="constrained")
-    array, above, ax = figure.subplots(1, 3)
-    rc.plot.virtual_array(radar, array, unit="wavelengths")
-    rc.plot.range_angle_map(replace(frame, truth=None), above, max_range=10.0).set_title("Bartlett")
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    array, ax, above = figure.subplot_mosaic("ac;mc", height_ratios=(1.0, 4.0), width_ratios=(1.2, 1.0)).values()
+    rc.plot.virtual_array(radar, array, unit="wavelengths").set_ylabel("z, up")
+    view = {"method": "capon", "max_range": 10.0, "field_of_view_deg": 120.0, "dynamic_range_db": 30.0}
+    rc.plot.range_angle_map(frame, above, **view).set_title("Capon: one spot for the pair at the right")
     print("truth    ", *(f"{angle:+6.1f}" for angle in TRUTH_DEG), "degrees")
     for method in ("bartlett", "fft", "capon", "music"):
         power = rc.range_angle(frame, method=method, azimuth=np.deg2rad(ANGLES_DEG))[nearest]

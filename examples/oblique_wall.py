@@ -47,7 +47,7 @@ def main(output: Path, step_deg: float) -> None:
     print(f"at {angles[-1]:.0f} degrees the smooth wall {less:.0f} dB less, the rough wall {rough:.0f} dB")
     rc.plot.scene_from_above(scene(45.0, materials["smooth metal"]), ax=above, field_of_view_deg=(90.0, 30.0))
     above.plot([1.3, 1.0, 0.0], [0.7, 1.0, 0.0], color="tab:blue", linestyle="--", linewidth=1.5)
-    above.set_title("Wall at 45°; dashed: perpendicular")
+    above.set_title("At 45° the perpendicular (dashed) misses", fontsize="medium")
     output.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(output, dpi=90)
 

@@ -42,7 +42,7 @@ def main(output: Path, num_frames: int) -> None:
 
     figure = Figure(figsize=(7.2, 4.0), layout="constrained")
     # The leakage of the board is 40 dB stronger than the ball; it stands still, as the plate does.
-    ax = rc.plot.range_time(measured, figure.subplots(), max_range=3.2, dynamic_range_db=25.0, subtract_mean=True)
+    ax = rc.plot.range_time(measured, figure.subplots(), max_range=3.2, dynamic_range_db=30.0, subtract_mean=True)
     ax.plot(middle, distance(middle) - 0.1, "w--", linewidth=1.5, label="truth")
     ax.legend()
     ax.set_title("A swinging ball, measured through the driver, static echoes removed")

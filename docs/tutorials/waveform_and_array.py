@@ -104,9 +104,9 @@ mimo = rc.Radar(
 true_deg = np.array([-15.0, 20.0])
 targets = rc.Scene([rc.PointTarget([8.0 * np.cos(a), 8.0 * np.sin(a), 0.0]) for a in np.deg2rad(true_deg)])
 frame = rc.Simulator(targets, mimo, field_of_view_deg=(120.0, 20.0)).frame()
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
-rc.plot.virtual_array(mimo, left, unit="wavelengths")
-rc.plot.range_angle_map(frame, right, max_range=12.0)
+figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.0, 5.0), height_ratios=(1.0, 5.0), layout="constrained")
+rc.plot.virtual_array(mimo, upper, unit="wavelengths").set_ylabel("z, up")
+rc.plot.range_angle_map(frame, lower, method="capon", field_of_view_deg=120.0, max_range=12.0)
 
 angles_deg = np.arange(-60.0, 60.1, 0.25)
 power = rc.range_angle(frame, method="capon", azimuth=np.deg2rad(angles_deg))[

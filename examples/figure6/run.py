@@ -172,7 +172,7 @@ def comparison(bag: Path) -> list[str]:
     """Arguments of `radarcore` that compare what is in the bag."""
     radii = f"cylinder={CYLINDER_RADIUS},person={TRUNK_RADIUS}"
     sources = [f"{bag}:/simulated", f"{bag}:/measured", "--truth", str(bag)]
-    return ["compare", *sources, "--radius", radii, "--offset", "auto"]
+    return ["compare", *sources, "--radius", radii, "--offset", "auto", "--names", "simulated,emulated board"]
 
 
 if __name__ == "__main__":

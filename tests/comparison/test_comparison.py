@@ -227,7 +227,9 @@ def test_paths_are_read_and_name_the_recordings(
 def test_report_is_one_file_and_holds_all_numbers(side_by_side: rc.Comparison, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     compared = side_by_side
-    assert {"ball", "post", "Range [m]", "Velocity [m/s]"} <= texts_apart(compared.figure())
+    figure = compared.figure()
+    assert {"ball", "post", "Range [m]", "Velocity [m/s]"} <= texts_apart(figure)
+    assert len({ax.images[0].get_clim() for ax in figure.axes if ax.images}) == 1  # although one is 6 dB weaker
     compared.report(tmp_path / "new" / "report.html")
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
     assert page.count('src="data:image/png;base64,') == 2

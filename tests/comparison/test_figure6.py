@@ -45,7 +45,7 @@ def test_clock_drops_ranges_and_velocities_are_found(
     assert main([*experiment.comparison(bag), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     simulated, measured = facts["recordings"]
-    assert (simulated["name"], measured["name"]) == ("simulated", "measured")
+    assert (simulated["name"], measured["name"]) == ("simulated", "emulated board")
     assert measured["frames"] == NUM_FRAMES
     assert simulated["dropped"] == []
 

@@ -117,6 +117,16 @@ def test_map_of_known_noise_is_in_decibels_over_it_and_noise_alone_is_dark() -> 
     assert np.mean(10.0 ** (profile.get_lines()[0].get_ydata() / 10.0)) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.parametrize("factor", [1.0, 300.0])
+def test_noise_of_codes_is_their_median_in_any_unit(factor: float) -> None:
+    one = frame(truth=False)
+    noise = factor * np.random.default_rng(4).standard_normal(one.cube.shape)
+    ax: Any = plot.range_doppler_map(Frame(noise, 0.0, one.radar, stats={"cube_unit": "counts"}))
+    assert colour_bar_label(ax) == "Power [dB over noise]"
+    assert ax.images[0].get_clim() == (0.0, 30.0)
+    assert np.mean(ax.images[0].get_array() > 0.0) == pytest.approx(0.5, abs=0.01)
+
+
 def test_known_noise_of_recordings_is_the_mean_of_their_pictures() -> None:
     one = recording(truth=False)
     receiver = Receiver(noise_figure_db=12.0)

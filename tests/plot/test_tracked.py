@@ -58,6 +58,8 @@ def test_tracks_are_named_for_their_bodies_with_errors_in_bins() -> None:
         "track 3: cart: median 0.50, max 0.50 bins",
     ]
     assert {text.get_text() for text in ax.texts} == {"wall", "cart"}
+    (wall,) = (line for line in ax.lines if line.get_ydata()[0] == 3.0)
+    assert lines(ax)["truth"].get_linewidth() > 3.0 * wall.get_linewidth()
     dots = lines(ax)["track 3: cart: median 0.50, max 0.50 bins"]
     assert len(dots.get_xdata()) == NUMBER - 3
     (predicted,) = (line for line in ax.lines if line.get_marker() == "o")

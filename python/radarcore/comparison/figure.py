@@ -21,6 +21,7 @@ from radarcore.recording.recording import usual_interval
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 _COLORS = (canvas.COLORS[0], canvas.COLORS[1])
 """Colours of recordings A and B."""
@@ -60,6 +61,7 @@ def draw(
 
     # The maps nearest in time, with the truth as crosses.
     named: list[tuple[Axes, list[Name]]] = []
+    pictures: list[AxesImage] = []
     fastest = _velocity_end(comparison)
     for k, side in enumerate(sides):
         ax = figure.add_subplot(maps[k])
@@ -68,9 +70,12 @@ def draw(
         if wf.num_chirps > 1 and wf.has_uniform_chirps:
             named.append((ax, frame_pictures.draw_map(ax, frame, max_range=end, max_velocity=fastest)))
             _show_targets(ax, side)
+            pictures += ax.images
         else:
             frame_pictures.range_profile(frame, ax=ax, max_range=end)
         ax.set_title(f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
+
+    _show_alike(pictures)
 
     # Both over the truth.
     ranges = figure.add_subplot(grid[1])
@@ -123,6 +128,14 @@ def _show_targets(ax: Axes, side: Side) -> None:
     low, high = picture.get_clim()
     if beyond.size > 0 and (largest := float(beyond.max())) < high:
         picture.set_clim(min(low, largest - _LEAST_SPAN_DB), largest)
+
+
+def _show_alike(pictures: Sequence[AxesImage]) -> None:
+    """One scale of colours for maps in dB over noise; levels below the largest of each map are 0 or less."""
+    limits = np.array([picture.get_clim() for picture in pictures])
+    if all(high > 0.0 for _, high in limits):
+        for picture in pictures:
+            picture.set_clim(*limits.max(axis=0))
 
 
 def _draw_series(ax: Axes, comparison: Record, quantity: str) -> list[Name]:

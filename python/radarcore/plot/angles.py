@@ -14,7 +14,7 @@ from radarcore.plot.frame import mark
 from radarcore.processing.angles.array_pattern import Steer
 from radarcore.processing.angles.array_pattern import array_pattern as gain_of_array
 from radarcore.processing.angles.maps import range_angle
-from radarcore.processing.spectra.noise import known_noise
+from radarcore.processing.spectra.noise import known_noise, noise_of_picture
 from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
@@ -47,8 +47,8 @@ def range_angle_map(
 ) -> Axes:
     """Power in front of the sensor: x (forward) up, y to the left [m]; truth as crosses.
 
-    In dB over the receiver's noise in a beam of all channels where that is known (frames of a `Simulator` whose radar
-    has a noise figure), else, and for "music", which is no power, in dB below the largest.
+    In dB over the receiver's noise in a beam of all channels, as in `range_doppler_map`. "music" is no power: in dB
+    below the largest.
 
     Parameters
     ----------
@@ -95,8 +95,9 @@ def range_angle_map(
     ranges = wf.range_axis(n)[: len(power)]
     last = canvas.axis_end(frame, "range", max_range, ranges, canvas.stands_out(power, axis=1))
     shown = ranges <= last
-    noise = None if method == "music" else known_noise(frame, window_weights("window", "hann", wf.num_samples))
-    scale = canvas.scale(power[shown], noise and noise / frame.radar.num_channels, dynamic_range_db)
+    known = known_noise(frame, window_weights("window", "hann", wf.num_samples))
+    noise = noise_of_picture(frame, power, known and known / frame.radar.num_channels)
+    scale = canvas.scale(power[shown], None if method == "music" else noise, dynamic_range_db)
 
     # Cells about the range bins, from one side of the sector to the other.
     ax = canvas.new_axes() if ax is None else ax

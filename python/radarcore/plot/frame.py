@@ -14,7 +14,7 @@ from radarcore.plot.canvas import Name
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.inputs import require_one_waveform
 from radarcore.processing.spectra import spectra
-from radarcore.processing.spectra.noise import known_noise
+from radarcore.processing.spectra.noise import known_noise, noise_of_picture
 from radarcore.processing.spectra.windows import window_weights
 from radarcore.recording.frame import Frame, unit_of
 
@@ -188,7 +188,8 @@ def range_profile(
     profile = spectra.range_profile(samples, wf, num_bins=n)
     power = (np.abs(profile) ** 2).mean(axis=1).sum(axis=0)
     noise = known_noise(frame, window_weights("window", "hann", wf.num_samples))
-    scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
+    noise = noise_of_picture(frame, power, noise and noise * len(samples))
+    scale = canvas.scale(power, noise, dynamic_range_db)
     if noise is not None:
         scale = scale._replace(low=scale.low - _BELOW_NOISE)
     ranges = wf.range_axis(n)[: len(power)]
@@ -213,8 +214,8 @@ def range_doppler_map(
 ) -> Axes:
     """Power over range [m] and velocity [m/s, receding positive]; truth as crosses, detections as rings.
 
-    In dB over the receiver's noise where that is known (frames of a `Simulator` whose radar has a noise figure), else
-    in dB below the largest power.
+    In dB over the receiver's noise: known of a simulated noise figure, else the median of a measured frame. In dB below
+    the largest power for simulated samples without a noise figure.
 
     Parameters
     ----------
@@ -268,8 +269,9 @@ def draw_map(
     spectrum = spectra.range_doppler(samples, wf, num_range_bins=num_range, num_velocity_bins=num_velocity)
     power = (np.abs(spectrum) ** 2).sum(axis=0).T  # (range, doppler)
     windows = [window_weights("window", "hann", length) for length in (wf.num_samples, wf.num_chirps)]
-    noise = known_noise(frame, *windows)
-    scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
+    known = known_noise(frame, *windows)
+    noise = noise_of_picture(frame, power, known and known * len(samples))
+    scale = canvas.scale(power, noise, dynamic_range_db)
 
     velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(power)]
     extent = (*canvas.edges(velocities, 2.0 * wf.max_velocity), *canvas.edges(ranges, wf.max_range))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.plot import canvas
+from radarcore.processing.spectra.noise import noise_of_picture
 from radarcore.processing.spectra.time_frequency import USUAL_LENGTH, RangeTime, Spectrogram
 from radarcore.processing.spectra.time_frequency import range_time as power_of_ranges
 from radarcore.processing.spectra.time_frequency import spectrogram as power_of_velocities
@@ -272,12 +273,14 @@ def _draw_tracks(
         bodies = assign_to_truth(found, recording.truth)
 
     ax = canvas.new_axes() if ax is None else ax
+    # Bodies that a track follows are broad; the other parts of a person are thin, to leave the dots in view.
+    style: dict[str, Any] = {"color": canvas.GREY, "alpha": 0.4, "solid_capstyle": "round"}
     lines = [
-        ax.plot(truth_time, values, color=canvas.GREY, linewidth=3.0, alpha=0.3, solid_capstyle="round")[0]
-        for values in truth.values()
+        ax.plot(truth_time, values, linewidth=5.0 if name in bodies.values() else 0.7, **style)[0]
+        for name, values in truth.items()
     ]
     if lines:
-        lines[0].set_label("truth")
+        max(lines, key=lambda line: line.get_linewidth()).set_label("truth")
     # A few tracks have a colour and an entry of the legend each; of many, all that follow one thing share them.
     groups: dict[str, list[Track]] = {}
     for one in found:
@@ -287,7 +290,7 @@ def _draw_tracks(
     palette = canvas.color_cycle(groups, colors)
     for count, (name, members) in enumerate(groups.items()):
         marker = _MARKERS[count // len(canvas.COLORS) % len(_MARKERS)]
-        size = 4.5 if marker == "." else 3.0
+        size = 7.0 if marker == "." else 3.0
         followed = {body for one in members if (body := bodies.get(one.id)) is not None}
         text = f"{_plain(name)}, {len(members)} tracks" if len(members) > 1 else _plain(name)
         if len(members) == 1 and followed and not followed <= {name}:
@@ -334,7 +337,8 @@ def _draw_power(
     ax: Axes, recording: Recording, found: RangeTime | Spectrogram, values: _Floats, dynamic_range_db: float | None
 ) -> None:
     """Power (column, value) over time; a pause much longer than that between frames is grey."""
-    scale = canvas.scale(found.power, found.noise, dynamic_range_db)
+    noise = noise_of_picture(recording, found.power, found.noise)
+    scale = canvas.scale(found.power, noise, dynamic_range_db)
     # Columns of frames that overlap are in disorder.
     order = np.argsort(found.time, kind="stable")
     time, level = found.time[order], scale.level_db(found.power[order])

@@ -106,6 +106,22 @@ def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | Non
     return variance * float(np.prod([np.square(w).sum() for w in weights])) or None
 
 
+def noise_of_picture(frame: Frame | Recording, power: NDArray[Any], known: float | None) -> float | None:
+    """Noise of a cell of a picture: known, or the median power of a measurement; None of ideal samples.
+
+    Parameters
+    ----------
+    frame : Frame or Recording
+    power : array
+        All cells of the picture.
+    known : float or None
+        As of `known_noise`, of a cell of the picture.
+    """
+    unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
+    shown = power[np.isfinite(power) & (power > 0.0)]
+    return known if known is not None or unit is None or shown.size == 0 else float(np.median(shown))
+
+
 def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
     """Smallest noise of a cell of the windowed transforms: rounding of the samples.
 
