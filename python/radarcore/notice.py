@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _LONG = 1.0
 """Time after which work has a progress bar [s]."""
 
-quiet = ContextVar("quiet", default=False)
+quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 """True while neither progress nor summaries are shown."""
 
 _OURS = {"radarcore", "dataclasses", "functools"}

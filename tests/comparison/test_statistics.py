@@ -34,10 +34,11 @@ def test_errors_are_of_the_frames_in_which_a_target_is_visible_and_tracked() -> 
 
 
 def test_predicted_frames_are_counted_by_themselves_and_have_no_errors() -> None:
-    true, found = np.full(5, 2.0), np.array([2.1, 2.1, 5.0, 5.0, NAN])
+    true, found = np.full(5, 2.0), np.array([2.1, 2.1, 5.0, 2.1, NAN])
     errors = target_errors("ball", estimates(found, found, predicted=(2, 3, 4)), (true, true), (0.4, 0.1))
     assert (errors.num_frames, errors.num_tracked, errors.num_predicted) == (5, 4, 2)
     assert errors.range.largest == errors.velocity.largest == pytest.approx(0.1)
+    assert errors.range.num_within == 3  # a prediction counts where it is right
 
 
 def test_target_that_was_never_seen_has_no_errors() -> None:

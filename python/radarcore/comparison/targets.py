@@ -41,7 +41,7 @@ class Errors:
     bin_width : float
         Width of a bin of the waveform, in the same unit.
     num_within : int
-        Frames with an error below the limit: half a range bin, one velocity bin.
+        Frames with an error below the limit, predictions included: half a range bin, one velocity bin.
     """
 
     bias: float
@@ -151,7 +151,7 @@ def target_errors(
     is_tracked = is_visible & np.isfinite(estimated.range)
     is_measured = is_tracked & estimated.is_detected
     range_errors, velocity_errors = (
-        _errors((values - known)[is_measured], width, limit)
+        _errors(values - known, is_measured, width, limit)
         for values, known, width, limit in zip(
             (estimated.range, estimated.velocity), true, bins, (RANGE_LIMIT, VELOCITY_LIMIT), strict=True
         )
@@ -167,10 +167,11 @@ def target_errors(
     )
 
 
-def _errors(errors: _Floats, bin_width: float, limit: float) -> Errors:
-    known = errors[np.isfinite(errors)]
+def _errors(errors: _Floats, is_measured: NDArray[np.bool_], bin_width: float, limit: float) -> Errors:
+    known = errors[np.isfinite(errors) & is_measured]
+    num_within = int((np.abs(errors) < limit * bin_width).sum())
     if len(known) == 0:
-        return Errors(*(np.nan,) * 5, bin_width=bin_width, num_within=0)
+        return Errors(*(np.nan,) * 5, bin_width=bin_width, num_within=num_within)
     sizes = np.abs(known)
     return Errors(
         bias=float(np.median(known)),
@@ -179,7 +180,7 @@ def _errors(errors: _Floats, bin_width: float, limit: float) -> Errors:
         rms=float(np.sqrt(np.mean(np.square(known)))),
         largest=float(sizes.max()),
         bin_width=bin_width,
-        num_within=int((sizes < limit * bin_width).sum()),
+        num_within=num_within,
     )
 
 
