@@ -171,44 +171,16 @@ $(VENV)/created: requirements/uv.txt | tools
 	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --only-binary :all: -r $< 2>/dev/null || true
 	@touch $@
 
-$(VENV)/demo: requirements/demo.txt $(VENV)/created | tools
-	@echo "-- packages: requirements/demo.txt"
-	@$(INSTALL_HERE) -r requirements/demo.txt
-	@touch $@
+# Groups of packages, one file each. Those without dependencies list all packages they need.
+GROUPS = demo dev bench robots adapters dataset docs wheels
+COMPLETE = robots adapters dataset docs wheels
 
-$(VENV)/dev: requirements/dev.txt $(VENV)/demo
-	@echo "-- packages: requirements/dev.txt"
-	@$(INSTALL_HERE) -r requirements/dev.txt
-	@touch $@
+$(VENV)/dev $(VENV)/wheels: $(VENV)/demo
+$(VENV)/bench $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs: $(VENV)/dev
 
-$(VENV)/bench: requirements/bench.txt $(VENV)/dev
-	@echo "-- packages: requirements/bench.txt"
-	@$(INSTALL_HERE) -r requirements/bench.txt
-	@touch $@
-
-$(VENV)/robots: requirements/robots.txt $(VENV)/dev
-	@echo "-- packages: requirements/robots.txt (131 MB)"
-	@$(INSTALL_HERE) --no-deps -r requirements/robots.txt
-	@touch $@
-
-$(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
-	@echo "-- packages: requirements/adapters.txt (300 MB)"
-	@$(INSTALL_HERE) --no-deps -r requirements/adapters.txt
-	@touch $@
-
-$(VENV)/dataset: requirements/dataset.txt $(VENV)/dev
-	@echo "-- packages: requirements/dataset.txt (170 MB)"
-	@$(INSTALL_HERE) --no-deps -r requirements/dataset.txt
-	@touch $@
-
-$(VENV)/docs: requirements/docs.txt $(VENV)/dev
-	@echo "-- packages: requirements/docs.txt"
-	@$(INSTALL_HERE) --no-deps -r requirements/docs.txt
-	@touch $@
-
-$(VENV)/wheels: requirements/wheels.txt $(VENV)/demo
-	@echo "-- packages: requirements/wheels.txt (100 MB)"
-	@$(INSTALL_HERE) --no-deps -r requirements/wheels.txt
+$(GROUPS:%=$(VENV)/%): $(VENV)/%: requirements/%.txt $(VENV)/created | tools
+	@echo "-- packages: $<"
+	@$(INSTALL_HERE) $(if $(filter $*,$(COMPLETE)),--no-deps) -r $<
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo
