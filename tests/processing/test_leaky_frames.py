@@ -166,5 +166,5 @@ def test_person_is_the_strongest_peak_of_every_frame_of_a_real_sensor(real: rc.R
     for index in range(0, len(real), 8):
         assert peak_of(real[index], min_range=0.0).range < 0.01, "the leakage"
         assert 0.33 < peak_of(real[index]).range < 0.40
-        with pytest.warns(UserWarning, match="as a sensor hears its own transmitter there, got it at "):
+        with pytest.warns(UserWarning, match="nearer bins contain a sensor's leakage, got it at "):
             rc.strongest_peak(real[index].cube, real.radar)
