@@ -27,8 +27,8 @@ TEXT = """\
 ## Nearest point of a person
 
 `separate_echoes` reduces the median error of `nearest` (`smooth=True`) in the room of [the demo](demo.md):
-{medians}; [by range](../benches/results/nearest.md). These walks and the demo were also used to choose constants:
-expect larger errors elsewhere. Written by `python benches/nearest.py --write`.
+{medians}; [by range](../benches/results/nearest.md). Other walks and the demo were used to choose constants. Written
+by `python benches/nearest.py --write`.
 """
 TABLE = """\
 # Nearest point of a person, by range
@@ -106,7 +106,7 @@ def main() -> None:
         print("the extra `robots` is not installed, walks of meshes are left out: pip install radarcore[robots]\n")
     rows = []
     for name, number in (("shapes", num_shapes), ("meshes", num_meshes)):
-        walks = [walk(1000 + seed, num_frames, meshes=name == "meshes") for seed in range(number)]
+        walks = [walk(3000 + seed, num_frames, meshes=name == "meshes") for seed in range(number)]
         for is_separated in (False, True) if walks else ():
             found = np.concatenate([errors(*each, separate_echoes=is_separated) for each in walks])
             rows += lines(name, "separated" if is_separated else "detections", found)
