@@ -161,12 +161,12 @@ def echoes(frame: Frame, distance: float, velocity: float) -> Echoes | None:
 def _of_body(found: Echoes, cell: Array) -> Echoes:
     """Echoes without residuals of stronger ones. Unresolved ones are one. `cell`: size in range and velocity."""
     places = np.array([found.velocity / cell[1], found.range / cell[0]])
-    apart = np.abs(places[:, :, None] - places[:, None])  # (axis, echo, stronger echo)
-    is_weaker = found.snr_db[:, None] < found.snr_db - _RESIDUAL_DB - 6.0 * np.maximum(apart[1] - 1.0, 0.0)
-    is_echo = ~((apart < _RESIDUAL_CELLS).all(axis=0) & is_weaker).any(axis=1)
+    gaps = np.abs(places[:, :, None] - places[:, None])  # (axis, echo, stronger echo)
+    is_weaker = found.snr_db[:, None] < found.snr_db - _RESIDUAL_DB - 6.0 * np.maximum(gaps[1] - 1.0, 0.0)
+    is_echo = ~((gaps < _RESIDUAL_CELLS).all(axis=0) & is_weaker).any(axis=1)
     rest, kept = list(np.flatnonzero(is_echo & (found.snr_db > _LEAST_SNR_DB))), []
     while rest:
-        is_near = (apart[0, rest, rest[0]] < _MERGED[0]) & (apart[1, rest, rest[0]] < _MERGED[1])
+        is_near = (gaps[0, rest, rest[0]] < _MERGED[0]) & (gaps[1, rest, rest[0]] < _MERGED[1])
         near = np.array(rest)[is_near]
         mean = np.average(found.range[near], weights=10.0 ** (0.1 * found.snr_db[near]))
         kept.append((mean, found.velocity[near[0]], found.snr_db[near[0]]))
@@ -189,9 +189,9 @@ def likelihood(frame: Frame, state: TrackState, others: Sequence[TrackState], ba
     is_static = (np.abs(places[:, None] - background) < cell).all(axis=2).sum(axis=1) >= NUM_REPEATS
     lead = state.range - found.range
     people = np.array([[one.range, one.velocity] for one in (state, *others)])
-    apart = wrapped(places[:, None] - people, periods_of(2.0 * frame.radar.max_velocity)[:2])
-    is_own = np.square(apart / (NEARER, SPEED_SCALE)).sum(axis=2).argmin(axis=1) == 0
-    kept = is_own & (np.abs(apart[:, 0, 1]) < LIMB_SPEED) & (lead > -0.5) & (lead < 0.7) & ~is_static
+    gaps = wrapped(places[:, None] - people, periods_of(2.0 * frame.radar.max_velocity)[:2])
+    is_own = np.square(gaps / (NEARER, SPEED_SCALE)).sum(axis=2).argmin(axis=1) == 0
+    kept = is_own & (np.abs(gaps[:, 0, 1]) < LIMB_SPEED) & (lead > -0.5) & (lead < 0.7) & ~is_static
     return _likelihood(lead[kept], found.snr_db[kept])
 
 

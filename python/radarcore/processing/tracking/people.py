@@ -101,8 +101,8 @@ class People:
             is_background = self._is_background(values, sensor) if stands.any() else is_known
             is_unknown = is_known
         else:
-            is_background = self._map.is_known(values, covariance, sensor, 0.0)
-            is_known = ~moves & self._map.is_known(values, covariance, sensor)
+            is_background, may_be_known = self._map.are_known(values, covariance, sensor, [0.0, 2.0])
+            is_known = ~moves & may_be_known
             is_unknown = ~moves & ~is_known
         self._remember(values[~moves & ~is_unknown & ~stands.any(axis=0)], time, sensor)
         is_own = is_near & moves & (np.abs(speed) < LIMB_SPEED) | stands & ~is_background

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ _SHARE_OF_MOVING = 0.1
 class StaticMap:
     """Points on the static surfaces of a place: walls, floor, table, machines.
 
-    A person who stands still gives static echoes, as a wall does. Only a map of the known surfaces tells them apart.
+    A person who stands still gives static echoes, as a wall does. Only a map of the known surfaces distinguishes them.
 
     Parameters
     ----------
@@ -151,23 +151,26 @@ class StaticMap:
         how = None if motion is None else Motions([as_motion("motion", motion)])
         sensor = AT_REST if how is None else sensor_state(how, detections.time)
         values, covariance = coordinates(detections), covariances(detections)
-        known = np.where(self.is_known(values, covariance, sensor), 1, 2)
+        known = np.where(self.are_known(values, covariance, sensor, [2.0])[0], 1, 2)
         return np.array(CLASSES)[np.where(is_moving(values, covariance, sensor), 0, known)]
 
-    def is_known(
-        self, values: Array, covariance: Array, sensor: SensorState, coverage: float = 2.0
+    def are_known(
+        self, values: Array, covariance: Array, sensor: SensorState, coverages: Sequence[float]
     ) -> NDArray[np.bool_]:
-        """True for detections that may be at a known surface, by so many deviations of their angles."""
-        known = np.zeros(len(values), dtype=bool)
+        """True for detections within some numbers of deviations of a known surface, (coverage, detection).
+
+        The deviations are of the angles; ranges differ by `distance` at most.
+        """
         places, where = places_of(values, sensor), sensor.pose[:, 3]
-        off = np.where(np.isnan(places[:, 0]), 1.0, coverage * _angle_deviations(covariance))
-        reaches = self.distance + off * values[:, 0]
+        deviations = np.multiply.outer(coverages, _angle_deviations(covariance))
+        reaches = self.distance + np.where(np.isnan(places[:, 0]), 1.0, deviations) * values[:, 0]
         places = np.where(np.isnan(places), where, places)  # without an azimuth: anywhere around the sensor
+        gaps = np.full(len(values), np.inf)
         for index in np.flatnonzero(np.isfinite(values[:, 0])):
-            near = self.points[self._tree.query_ball_point(places[index], reaches[index])]
-            ranges = np.linalg.norm(near - where, axis=1)
-            known[index] = bool((np.abs(ranges - values[index, 0]) <= self.distance).any())
-        return known
+            near = self.points[self._tree.query_ball_point(places[index], reaches[:, index].max())]
+            is_in_range = np.abs(np.linalg.norm(near - where, axis=1) - values[index, 0]) <= self.distance
+            gaps[index] = np.linalg.norm(near[is_in_range] - places[index], axis=1).min(initial=np.inf)
+        return np.asarray(gaps <= reaches)
 
 
 def is_moving(values: Array, covariance: Array, sensor: SensorState, period: float = NO_PERIOD) -> NDArray[np.bool_]:

@@ -348,7 +348,7 @@ class Tracker:
         return self._states()
 
     def _look_for_hidden(self, ranges: Array) -> None:
-        """Tracks whose echoes known surfaces at some ranges may hide; those that stop there are held at their place."""
+        """Mark tracks that known surfaces at some ranges may hide, and hold the ones of people who stop there."""
         if self._map is None or not self._lives:
             return
         relative, rates = cartesian(self._state)
@@ -584,6 +584,7 @@ def track(
     separate_echoes : bool
         Estimate `nearest` of people from the samples, where the echoes of each person are separated: it is known in
         frames without a detection too. Takes about 20 ms per person and frame; needs frames and ``targets="people"``.
+        `nearest` stays the detection's where samples have no velocities or no noise, as of a CW radar.
     motion : Motion, optional
         Of the sensor, see `Tracker`; tracks are then in the world.
     static_map : StaticMap, optional
