@@ -18,6 +18,9 @@ from radarcore.radar.radar import Radar
 _CHANCE = 0.01
 """Largest probability that noise makes a single target appear as several."""
 
+_RARELY = 1e-4
+"""Probability that noise hides the fit of two waves, whose bias may be 30 standard deviations of a single wave."""
+
 _UNEQUAL = 0.005
 """Share of the power that a fit may leave as residual, because receiver gains differ by some tenths of a dB."""
 
@@ -43,8 +46,8 @@ class Directions:
     azimuth, elevation : (detection,) float64
         Angles [rad], positive to the left and up.
     covariance : (detection, 2, 2) float64
-        Cramer-Rao bound of azimuth and elevation [rad^2]; NaN without an SNR. If `is_resolved` is False, it is the
-        bound with a second wave, or the residual of the single wave counts as noise.
+        Cramer-Rao bound of azimuth and elevation [rad^2]; NaN without an SNR. If two waves fit significantly better, it
+        is the bound with the second wave. Otherwise, the residual counts as noise if `is_resolved` is False.
     is_resolved : (detection,) bool
         False if a single target does not explain the channels, as for two targets in one cell: the residual power
         exceeds the noise (false alarms in 1 % of single targets) and 0.5 %. True without an SNR.
@@ -227,18 +230,19 @@ def waves_of(
     # Residual power of one wave, relative to the noise, and its significance.
     power = len(array.x) * (snr[known] + 1.0)
     residual = missing * power
-    is_several = _is_unexplained(residual, power, array, 1)
+    is_over_noise = _exceeds_noise(residual, array, 1)
+    is_several = is_over_noise & (residual > _UNEQUAL * power)
     found.is_resolved[known] = ~is_several
     variance = 0.5 / snr[known]
-    if has_several := bool(is_several.any()):
+    if is_several.any():
         variance[is_several] *= _interference(residual[is_several], array, 1)
     inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
     found.covariance[known] = inverse * variance[:, None, None]
-    if not (has_several and array.separates_waves):
+    if not (is_over_noise.any() and array.separates_waves):
         return found.waves(array)
 
     # Two waves if they explain significantly more, by the likelihood ratio at the same noise.
-    several = np.flatnonzero(is_several)
+    several = np.flatnonzero(is_over_noise)
     noise = np.square(np.abs(waves[several])).sum(axis=1) / power[several]
     plane = waves[several]
     if distance is not None:
@@ -246,15 +250,22 @@ def waves_of(
         plane = plane * np.exp(-1j * array.curvature(sines[several], np.where(np.isfinite(far), far, _FAR)))
     pairs = pairs_of(plane, array, sines[several])
     unexplained = pairs.residual / noise
-    least = np.maximum(np.log(len(array.x) / _CHANCE), _UNEQUAL * power[several])
-    is_pair = residual[several] - unexplained > least
-    is_more = _is_unexplained(unexplained, power[several], array, 2)
+    explained, unequal = residual[several] - unexplained, _UNEQUAL * power[several]
+    is_better = explained > np.log(len(array.x) / _CHANCE)
+    is_pair = is_better & (explained > unequal)
+    is_more = _exceeds_noise(unexplained, array, 2)
     variance = noise * np.where(is_more, _interference(unexplained, array, 2), 1.0)
     covariance = pairs.covariance * variance[:, None, None, None]
+
+    # Two waves or unequal receivers: keep the direction of one wave, and cover its distance from the pair's.
+    is_either = is_better & ~is_pair & ~_exceeds_noise(unexplained, array, 2, _RARELY)
+    bias = (pairs.sines[:, 0] - sines[several])[is_either]
+    found.covariance[known[several[is_either]]] = covariance[is_either, 0] + bias[:, :, None] * bias[:, None]
     which = known[several[is_pair]]
     found.sines[which], found.covariance[which] = pairs.sines[is_pair, 0], covariance[is_pair, 0]
     if max_directions == 1:
         return found.waves(array)
+    is_more &= unexplained > unequal
     share = pairs.power[is_pair] / pairs.power[is_pair].sum(axis=1, keepdims=True)
     found.is_resolved[which], found.share[which] = ~is_more[is_pair], share[:, 0]
     seconds = _Fitted(pairs.sines[is_pair, 1], covariance[is_pair, 1], ~is_more[is_pair], share[:, 1], which)
@@ -313,10 +324,9 @@ def _interference(residual: _Reals, array: Array, num_waves: int) -> _Reals:
     return np.maximum(residual / _residual_quantile(array.num_freedoms(num_waves), _LOW_RESIDUAL), 1.0)
 
 
-def _is_unexplained(residual: _Reals, power: _Reals, array: Array, num_waves: int) -> NDArray[np.bool_]:
-    """True where the residual [noise of a channel] exceeds the effects of noise and of unequal receivers."""
-    largest = _residual_quantile(array.num_freedoms(num_waves), 1.0 - _CHANCE)
-    return (residual > largest) & (residual > _UNEQUAL * power)
+def _exceeds_noise(residual: _Reals, array: Array, num_waves: int, chance: float = _CHANCE) -> NDArray[np.bool_]:
+    """True where noise leaves a smaller residual [noise of a channel] with the probability 1 - chance."""
+    return residual > _residual_quantile(array.num_freedoms(num_waves), 1.0 - chance)
 
 
 @lru_cache(maxsize=16)
