@@ -292,7 +292,7 @@ def embree_library() -> tuple[ctypes.CDLL, int]:
 PEERS = {
     embreex: "pip install -r requirements/bench.txt",
     embree_packets: "Debian: apt install libembree-dev",
-    open3d: "pip install -r requirements/open3d.txt; Debian: apt install libusb-1.0-0",
+    open3d: "pip install open3d==0.20.0; Debian: apt install libusb-1.0-0",
     trimesh: "pip install -r requirements/bench.txt",
 }
 """Libraries and how to get them."""

@@ -20,7 +20,7 @@ PATH = re.compile(r"`((?:[\w.-]+/)+[\w.-]*|[\w-]+\.(?:md|yml|toml|py|rs))`")
 
 
 def read_yaml(path: Path) -> Any:
-    yaml = pytest.importorskip("yaml", reason="needs PyYAML, of the extra `docs`: pip install radarcore[docs]")
+    yaml = pytest.importorskip("yaml", reason="needs PyYAML: pip install -r requirements/test.txt")
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 

@@ -61,7 +61,7 @@ def check_reference(table: str) -> None:
 
 
 def test_site_builds_and_needs_nothing_from_elsewhere(tmp_path: Path) -> None:
-    pytest.importorskip("material", reason="needs the extra `docs`: pip install radarcore[docs]")
+    pytest.importorskip("material", reason="needs mkdocs-material: pip install -r requirements/test.txt")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr

@@ -89,7 +89,7 @@ def test_board_and_simulation_agree(script: Script) -> None:
 def test_notebook_runs_in_a_kernel_and_puts_out_what_the_site_shows(tmp_path: Path) -> None:
     for package in ("jupytext", "nbclient", "ipykernel"):
         if importlib.util.find_spec(package) is None:
-            pytest.skip(f"needs the extra `docs`, of which {package} is missing: pip install radarcore[docs]")
+            pytest.skip(f"needs {package}: pip install -r requirements/test.txt")
     command = [sys.executable, "docs/site/notebooks.py", "first_frames", "--check", "-o", str(tmp_path)]
     home = os.environ | {"HOME": str(tmp_path)}  # where kernels keep their files
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300, env=home)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tarfile
 import tomllib
+from itertools import chain
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -123,12 +124,35 @@ def test_package_is_imported_and_simulates_without_posix():
 
 def pins(name: str) -> dict[str, str]:
     text = (ROOT / "requirements" / name).read_text(encoding="utf-8")
-    return dict(re.findall(r"^([\w.-]+)==(\S+)$", text, flags=re.MULTILINE))
+    return dict(re.findall(r"^([\w.-]+)==(\S+)", text, flags=re.MULTILINE))
 
 
 def test_releases_are_built_with_the_builder_of_the_checks():
     assert pins("wheels.txt")["maturin"] == pins("demo.txt")["maturin"]
     assert pins("wheels.txt").keys() == {"maturin", "ziglang"}
+
+
+REQUIREMENTS = sorted(path.name for path in (ROOT / "requirements").glob("*.txt"))
+
+
+@pytest.mark.parametrize("name", REQUIREMENTS)
+def test_requirements_have_hashes_agree_and_name_no_index(name):
+    text = (ROOT / "requirements" / name).read_text(encoding="utf-8")
+    entries = re.split(r"\n(?=[\w.-]+==)", text)[1:]
+    assert len(entries) == len(pins(name)) > 0
+    assert [entry for entry in entries if "--hash=sha256:" not in entry] == []
+    assert "://" not in text
+    known = pins("test.txt")
+    assert {package: pin for package, pin in pins(name).items() if known.get(package, pin) != pin} == {}
+
+
+def test_requirements_are_of_the_groups_of_the_project():
+    groups = PROJECT["dependency-groups"]
+    assert {f"{group}.txt" for group in groups} == set(REQUIREMENTS)
+    extras = PROJECT["project"]["optional-dependencies"].values()
+    wanted = [*PROJECT["project"]["dependencies"], *chain.from_iterable(extras), *groups["test"][1:]]
+    names = {re.split(r"[^\w.-]", requirement)[0].lower() for requirement in wanted}
+    assert names <= pins("test.txt").keys(), "make requirements"
 
 
 def test_actions_are_pinned_to_commits_and_nothing_is_secret():
@@ -142,7 +166,7 @@ def test_actions_are_pinned_to_commits_and_nothing_is_secret():
 
 
 def jobs(name: str) -> dict[str, dict]:
-    yaml = pytest.importorskip("yaml", reason="needs PyYAML: pip install -r requirements/docs.txt")
+    yaml = pytest.importorskip("yaml", reason="needs PyYAML: pip install -r requirements/test.txt")
     text = (ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8")
     return yaml.safe_load(text)["jobs"]
 
@@ -165,9 +189,9 @@ def test_workflows_name_files_and_make_targets_that_exist(path):
             assert step.get("with", {}).get("python-version", oldest) == oldest
 
 
-def test_linux_wheels_are_those_of_the_makefile():
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    linux = re.search(r"^LINUX = (.*)$", makefile, flags=re.MULTILINE)
+def test_linux_wheels_are_those_of_make_wheels():
+    text = (ROOT / ".ci" / "wheels").read_text(encoding="utf-8")
+    linux = re.search(r'^LINUX="(.*)"$', text, flags=re.MULTILINE)
     assert linux is not None
     included = jobs("wheels.yml")["linux"]["strategy"]["matrix"]["include"]
     assert [entry["target"] for entry in included] == linux[1].split()
