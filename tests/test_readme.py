@@ -48,7 +48,8 @@ def commands(page: Path) -> list[list[str]]:
 
 def is_run_elsewhere(arguments: list[str]) -> bool:
     """Commands that need a board or write into the home folder, and the demo: tests/sensor and tests/cli run them."""
-    return arguments[0] in ("sensor", "demo", "--install-completion")
+    is_of_a_board = arguments == ["view"] or arguments[1:2] == ["/tmp/radar"] or "--bandwidth" in arguments
+    return is_of_a_board or arguments[0] in ("sensor", "demo", "--install-completion")
 
 
 def is_run_for_an_earlier_page(page: Path, arguments: list[str]) -> bool:

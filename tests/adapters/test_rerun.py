@@ -283,7 +283,7 @@ def test_no_display_says_how_to_save(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     (tmp_path / "scene.toml").write_text(SCENE)
-    assert main(["view", str(tmp_path / "scene.toml")]) == 1
+    assert main(["view", str(tmp_path / "scene.toml"), "--rerun"]) == 1
     error = capsys.readouterr().err
     assert error.startswith("radarcore: no display for the viewer; save a file instead")
     assert "-o" in error

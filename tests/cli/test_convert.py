@@ -12,7 +12,7 @@ import pytest
 import radarcore as rc
 from infineon_folders import array, folder, some_codes
 from radarcore.cli.main import main
-from radarcore.cli.sources import load_recording
+from radarcore.cli.sources import WHOLE
 from radarcore.recording.frame import to_samples, unit_of
 from recordings import assert_same, real_recording, recording, sensor_frame
 
@@ -23,7 +23,7 @@ SUFFIXES = ("", ".npz", ".mcap", ".db3", ".zarr")
 def convert(source: Path, output: Path, *words: str) -> rc.Recording:
     pytest.importorskip(NEEDS.get(output.suffix, "numpy"))
     assert main(["convert", str(source), str(output), *words]) == 0
-    return load_recording(output)
+    return WHOLE.load(output)
 
 
 def of_sensor() -> rc.Recording:
@@ -172,7 +172,7 @@ def test_only_overwrite_replaces_and_a_dataset_never(
     assert main(call) == 1
     assert "expected no such path, got a" in capsys.readouterr().err
     status = main([*call, "--overwrite"])
-    assert (status, len(load_recording(output))) == ((1, 2) if suffix == ".zarr" else (0, 3))
+    assert (status, len(WHOLE.load(output))) == ((1, 2) if suffix == ".zarr" else (0, 3))
 
 
 def test_dataset_of_several_samples_is_no_recording(

@@ -23,6 +23,8 @@ from radarcore.sensor.emulator.pty import PtyPort
         ("plot 2026.11.30 --kind map", "2026.11.30-map.png", "matplotlib"),
         ("plot scene.toml --kind above", "scene-above.png", "matplotlib"),
         ("plot take.mcap:/radar --kind map", "take-map.png", "rosbags"),
+        ("process rec", "rec-results", "numpy"),
+        ("compare rec", "rec-comparison.html", "matplotlib"),
     ],
 )
 def test_result_is_beside_its_source_printed_and_replaced_only_when_asked(

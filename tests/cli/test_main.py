@@ -52,6 +52,8 @@ def test_help_lists_commands_in_groups_and_version_is_that_of_the_package(capsys
     text = capsys.readouterr().out
     places = [text.index(f"\n{word}") for word in ("Simulate:", "  demo:", "Look:", "  plot:", "Boards:", "  sensor:")]
     assert places == sorted(places)
+    assert main(["view", "--help"]) == 0
+    assert "board (default: the first board that responds)\n" in capsys.readouterr().out, "no line is broken"
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"radarcore {rc.__version__}\n"
 
@@ -79,7 +81,8 @@ def test_no_command_is_an_error_with_help(words: list[str], capsys: pytest.Captu
         ("process rec --max-range far", '--max-range: unable to convert "far" into float', "process"),
         ("sensor serve rec --speed fast", "--speed: expected a number or max, got 'fast'", "sensor serve"),
         ("view rec more", "Unused Tokens: ['more']", "view"),
-        ("view rec --subtract-mean --keep-mean", "--keep-mean specified multiple times", "view"),
+        ("view rec --rerun -o new", "expected one of --output and --rerun, got both", "view"),
+        ("plot rec --subtract-mean --keep-mean", "--keep-mean specified multiple times", "plot"),
         ("sensor record -o rec --frames 3 --duration 2", "expected one of --duration and --frames", "sensor record"),
     ],
 )
@@ -127,16 +130,17 @@ def test_what_is_no_command_is_a_line_with_a_hint(
         ("compare rec --radius ball=0.1", "--radius: expected --truth with motion capture (Motive's .csv, or a bag)"),
         ("demo --no-robots --duration -1", "--duration: expected a positive number [s], got -1.0"),
         ("demo --no-robots -o /dev/null/demo", "/dev/null/demo"),
-        ("view scene.toml -o new.rrd --config rec", "scene.toml: expected no --config with a scene file"),
-        ("view scene.toml -o new.rrd --subtract-mean", "scene.toml: expected no --subtract-mean with a scene file"),
-        ("view rec -o new.png", "new.png: expected a file for Rerun (.rrd), got suffix '.png'"),
+        ("view scene.toml -o new.rrd --config rec", "scene.toml: expected no option of recordings with a scene file"),
+        ("view /dev/none --start 1", "/dev/none: expected no option of recordings with a board, got --start"),
+        ("view rec -o new.png", "new.png: expected the name of a folder, got the suffix .png of a file"),
+        ("view rec -o new --max-velocity 2", "--max-velocity: expected a board, which it sets, got rec"),
+        ("view rec -o new.rrd --max-range 2", "--max-range: expected a board, which it sets, got rec"),
+        ("view COMPLETE", "COMPLETE: no such recording"),
         ("info /dev/none", "/dev/none"),
         ("sensor record /dev/none -o new", "/dev/none"),
         ("sensor record /dev/none -o new --rx 4", "--rx: expected some of 1,2,3, or how many of three receivers"),
         ("sensor record /dev/none -o new --radar none.toml", "none.toml"),
         ("sensor record /dev/none -o rec", "rec: expected no such path, got a recording; --overwrite replaces it"),
-        ("sensor view rec -o new --max-velocity 2", "--max-velocity: expected a board, which it sets, got rec"),
-        ("sensor view COMPLETE", "COMPLETE: no such recording, scene file or port"),
         ("sensor serve rec", "rec: expected at least one frame with codes of an ADC, got none"),
     ],
 )
@@ -148,7 +152,7 @@ def test_faults_are_one_line_and_nothing_is_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if words.startswith(("plot", "compare", "demo", "sensor view")):
+    if words.startswith(("plot", "compare", "demo", "view")):
         pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     folder = scene.parent
     monkeypatch.chdir(folder)
@@ -170,13 +174,13 @@ def test_faults_are_one_line_and_nothing_is_written(
     [
         ("simulate scene.toml -o new -q", "new/cube.npy", "numpy"),
         ("process rec -o new --quiet", "new/tracks.csv", "numpy"),
-        ("compare rec -q", "rec", "numpy"),
+        ("compare rec -q", "rec-comparison.html", "matplotlib"),
         ("compare rec -o new.html -q", "new.html", "matplotlib"),
         ("convert -q rec new.npz", "new.npz", "numpy"),
         ("plot rec -o new.png -q", "new.png", "matplotlib"),
         ("view rec -o new.rrd -q", "new.rrd", "rerun"),
         ("dataset make scene.toml -o new --count 1 --workers 1 -q", "new/zarr.json", "zarr"),
-        ("sensor view rec --speed max -o new -q", "new", "matplotlib"),
+        ("view rec -o new -q", "new", "matplotlib"),
     ],
 )
 def test_quiet_commands_show_nothing_and_no_bar_on_a_terminal(
@@ -296,11 +300,12 @@ def on_terminal(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_facts_and_wide_tables_are_coloured_and_the_same_text(
-    on_terminal, recording: Path, capsys: pytest.CaptureFixture[str]
+    on_terminal, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     for words, coloured in (
         (("info", recording), "\x1b[36mslope"),
-        (("compare", recording), "\x1b[1mErrors of rec against the truth\x1b[0m"),
+        (("compare", recording, "-o", tmp_path / "rec.html", "--overwrite"), "\x1b[1mErrors of rec against"),
     ):
         assert main([*map(str, words)]) == 0
         plain = capsys.readouterr().out
@@ -318,6 +323,7 @@ def test_errors_and_results_have_their_colours(on_terminal) -> None:
     assert shown.startswith("\x1b[1;31mFAIL  \x1b[0mopen                   /dev/none")
 
 
+@pytest.mark.filterwarnings("ignore:Glyph")  # the report's pictures have no signs for them
 def test_names_do_not_command_the_terminal(
     on_terminal, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -326,7 +332,12 @@ def test_names_do_not_command_the_terminal(
     name = "ev\x1b]0;il\x07\u202e\x9b31m"
     body = rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name=name)
     rc.Simulator(rc.Scene([body]), rc.bgt60tr13c(num_chirps=16), seed=1).record(0.0, 0.2, path=name, progress=False)
-    for words in (["info", name], ["compare", name], ["process", name], ["info", f"{name}.toml"]):
+    for words in (
+        ["info", name],
+        ["compare", name, "--overwrite"],
+        ["process", name, "--overwrite"],
+        ["info", f"{name}.toml"],
+    ):
         status = int(words[1].endswith(".toml"))
         assert main(words) == status
         plain = capsys.readouterr()

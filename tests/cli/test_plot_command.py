@@ -59,8 +59,8 @@ def of_two_sequences(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
     of_two_sequences: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "subtract_mean": []}
-    words = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
+    values = {"channel": "1", "false_alarm_rate": "1e-5", "min_range": "0.5", "max_range": "2.5", "max_velocity": "1"}
+    words = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", values.get(name)) if word]
     draw(of_two_sequences, kind, *words, "--sequence", "1")
     if kind == "chirp":
         second = Path("new/picture.png").read_bytes()

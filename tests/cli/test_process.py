@@ -134,7 +134,7 @@ def test_results_are_replaced_only_when_told_to(
 def test_interrupt_leaves_the_frames_before_it(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    frames = iter(range(5))
+    frames = iter(range(6))  # the first one twice: settings are tried before a file is made
 
     def interrupted(frame: rc.Frame, **options: Any) -> rc.Detections:
         if next(frames, None) is None:

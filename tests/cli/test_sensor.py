@@ -16,6 +16,7 @@ from cyclopts import App
 import radarcore as rc
 from doubles.boards import CLI, SWING, Numbered, python
 from doubles.comlib_boards import ComLibDouble
+from radarcore.cli import view
 from radarcore.cli.board_settings import NOT_SET, BoardSettings, radar_of, sight
 from radarcore.cli.main import main
 from radarcore.sensor import open_sensor, virtual_board
@@ -110,9 +111,32 @@ def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scen
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     for name, source in (("port", port), ("scene", scene)):
         output = tmp_path / name
-        assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "2"]) == 0
+        assert main(["view", str(source), "-o", str(output), "--frames", "2"]) == 0
         assert str(output) in capsys.readouterr().out
         check_pictures(output)
+        assert main(["view", str(source), "-o", str(output), "--frames", "2"]) == 1
+        assert "got a picture of an earlier view; --overwrite replaces it" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")
+def test_view_of_a_port_in_a_file_for_rerun_ends_at_ctrl_c(port, capsys, tmp_path, monkeypatch):
+    pytest.importorskip("rerun", reason="needs the extra `rerun`: pip install radarcore[rerun]")
+    found = []
+
+    def detected(frame):
+        found.append(rc.detect(frame))
+        if len(found) == 4:
+            raise KeyboardInterrupt
+        return found[-1]
+
+    monkeypatch.setattr(view, "detect", detected)
+    call = ["view", port, "-o", str(tmp_path / "run.rrd"), "--chirps", "8"]
+    assert main([*call, "--frames", "3"]) == 0
+    assert f"BGT60TR13C on {port}: 3 frames in {tmp_path / 'run.rrd'}" in capsys.readouterr().out
+    assert main([*call, "--overwrite"]) == 0
+    assert f": 0 frames in {tmp_path / 'run.rrd'}" in capsys.readouterr().out
+    assert main(call) == 1
+    assert "--overwrite replaces it" in capsys.readouterr().err
 
 
 def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
@@ -143,7 +167,7 @@ def test_cube_of_a_view_may_be_any(tmp_path):
     waveform = rc.bgt60tr13c().waveform.replace(num_chirps=1)
     cube = np.random.default_rng(0).normal(size=(1, 1, 1, 128)).astype(np.complex64)
     rc.Recording(cube, np.zeros(1), rc.Radar(waveform)).save(tmp_path / "rec")
-    assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out"), "--max-range", "2"]) == 0
+    assert main(["view", str(tmp_path / "rec"), "-o", str(tmp_path / "out"), "--max-range", "2"]) == 0
     check_pictures(tmp_path / "out")
 
 

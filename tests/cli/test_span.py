@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,12 @@ def test_span_without_frames_is_an_error(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.filterwarnings("ignore:.*expected at least one track, got none in 2 frames")
+def test_compare_takes_a_span_of_both_recordings(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", str(recording), str(recording), "--start", "0.1", "--json"]) == 0
+    assert [one["frames"] for one in json.loads(capsys.readouterr().out)["recordings"]] == [2, 2]
+
+
 def test_process_plot_and_view_take_a_span_of_a_recording_and_none_of_a_scene(
     recording: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,5 +117,5 @@ def test_process_plot_and_view_take_a_span_of_a_recording_and_none_of_a_scene(
     assert ": 2 frames in " in capsys.readouterr().out
     for words in (["view", "-o", str(tmp_path / "other.rrd")], ["plot", "-o", str(tmp_path / "other.png")]):
         assert main([words[0], str(scene), *words[1:], "--start", "0.1"]) == 1
-        expected = "expected no --start or --duration with a scene file, got --start"
+        expected = "expected no option of recordings with a scene file, got --start"
         assert expected in capsys.readouterr().err

@@ -84,7 +84,7 @@ def test_signal_ends_a_server_which_removes_its_link_if_it_can(recording, tmp_pa
     assert link.readlink() == left
     with serving(recording, "--link", link, "--force") as server:
         assert "BGT60TR13C, protocol Strata; 4 frames over and over" in server.stdout.readline()
-        assert f"radarcore sensor view {link}" in server.stdout.readline()
+        assert f"radarcore view {link}" in server.stdout.readline()
         with open_sensor(str(link), protocol="strata") as sensor:
             sensor.configure(RADAR)
             assert len(list(sensor.frames(5))) == 5

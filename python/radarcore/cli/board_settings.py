@@ -83,13 +83,6 @@ def radar_of(settings: BoardSettings) -> Radar:
     return radar if settings.rx is None else _with_receivers(radar, _indices(settings.rx))
 
 
-def refuse_settings(settings: BoardSettings, source: str) -> None:
-    """Refuse settings of a board beside a recording or scene, except for the end of the range axis."""
-    given = [name for name, value in vars(settings).items() if value is not None and name != "max_range"]
-    if given:
-        raise ValueError(f"{given[0]}: expected a board, which it sets, got {source}")
-
-
 def gains_of(settings: BoardSettings) -> dict[str, Any]:
     """Settings of a board beside its radar."""
     given = {"if_gain_db": settings.if_gain_db, "tx_power_level": settings.tx_power_level}

@@ -16,8 +16,8 @@ from radarcore.adapters.ros.frames import FRAME_TYPE
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Quiet, Seconds, given
-from radarcore.cli.sources import load_recording, only_radar, path_and_topic
+from radarcore.cli.options import AS_USUAL, Detecting, File, Flag, Json, OutputFile, Overwrite, Quiet, Seconds, given
+from radarcore.cli.sources import NOT_BARE, WHOLE, Reading, beside, only_radar, path_and_topic
 from radarcore.cli.terminal import show
 from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
@@ -49,13 +49,13 @@ def run(
     max_offset: Seconds = None,
     targets: Annotated[str | None, Parameter(metavar="NAME,...")] = None,
     names: Annotated[str | None, Parameter(metavar="NAME,NAME")] = None,
-    min_range: Metres = None,
-    max_range: Metres = None,
     range_only: Flag = False,
     time: Seconds = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
     as_json: Json = False,
+    detecting: Detecting = AS_USUAL,
+    reading: Reading = WHOLE,
 ) -> None:
     """Compare, print the tables, and write the report or the picture.
 
@@ -66,7 +66,7 @@ def run(
     b : str
         recording, or BAG:/TOPIC, to compare with A
     output : path
-        report (.html), or picture (.png, .pdf, .svg)
+        report (.html), or picture (.png, .pdf, .svg) (default: A-comparison.html beside A; none with --json)
     truth : path
         motion capture (Motive's .csv, poses in a bag), or recording with truth (default: the recordings' own)
     radar : str
@@ -81,15 +81,13 @@ def run(
         targets to compare; NAME=BODY renames one (default: all visible)
     names : str
         names of the recordings (default: names of their files)
-    min_range : float
-        nearest range of detections [m]
-    max_range : float
-        farthest range of detections, and of pictures [m]
     range_only : bool
         ignore angles, for radars with uncalibrated receivers
     time : float
         time of the maps (default: the middle)
     """
+    if output is None and not as_json:
+        output = beside(Path(a), "-comparison.html")
     if output is not None:
         if output.suffix.lower() not in (_PAGE, *_PICTURES):
             kinds = ", ".join((_PAGE, *_PICTURES))
@@ -97,8 +95,7 @@ def run(
         check_file(output, overwrite=overwrite)
         plot.require()
     sources = [text for text in (a, b) if text is not None]
-    chosen = given(min_range=min_range, max_range=max_range)
-    recordings = [load_recording(Path(text)) for text in sources]
+    recordings = [reading.load(Path(text)) for text in sources]
     compared = compare(
         *recordings,
         **_truth(truth, a, radar, radius),
@@ -107,7 +104,7 @@ def run(
         max_offset=max_offset,
         names=_names(names, sources),
         range_only=range_only,
-        detector=partial(detect, false_alarm_rate=FALSE_ALARM_RATE, **chosen),
+        detector=partial(detect, **{"false_alarm_rate": FALSE_ALARM_RATE} | detecting.given),
     )
     if as_json:
         print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))
@@ -118,7 +115,7 @@ def run(
             show(table)
     if output is not None:
         write = compared.report if output.suffix.lower() == _PAGE else compared.figure
-        write(output, time=time, max_range=max_range, overwrite=overwrite)
+        write(output, time=time, max_range=detecting.max_range, overwrite=overwrite)
         if not as_json:
             show(f"\n{output}")
 
@@ -131,7 +128,7 @@ def _truth(path: Path | None, reference: str, radar: str | None, radius: str | N
             raise ValueError(
                 f"{next(iter(alone))}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}"
             )
-        return {} if path is None else {"truth": load_recording(path)}
+        return {} if path is None else {"truth": NOT_BARE.load(path)}
     motions, name = _motions_of(path, reference), radar or _RADAR
     if name not in motions:
         raise ValueError(f"radar: expected a body of {path}, got {name!r}; {check.near_names(name, motions)}")

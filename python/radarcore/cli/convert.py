@@ -10,11 +10,10 @@ from cyclopts import Parameter
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import write_frames
 from radarcore.cli.options import Overwrite, Quiet, Source
-from radarcore.cli.sources import NOT_BARE, WHOLE, BareSamples, Span, load_recording, path_and_topic, start_ns_of
+from radarcore.cli.sources import WHOLE, Reading, path_and_topic, start_ns_of
 from radarcore.cli.terminal import show
 from radarcore.dataset.converted import exact_codes, save_as_dataset
 from radarcore.output import refuse_source
-from radarcore.recording.recording import Recording
 
 _BAGS, _DATASET = (".mcap", ".db3"), ".zarr"
 
@@ -27,8 +26,7 @@ def run(
     format: Literal["infineon"] | None = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
-    span: Span = WHOLE,
-    bare: BareSamples = NOT_BARE,
+    reading: Reading = WHOLE,
 ) -> None:
     """Write a recording in another format, by the suffix of OUT.
 
@@ -48,22 +46,17 @@ def run(
     if format is not None and suffix in (".npz", *_BAGS, _DATASET):
         raise ValueError(f"{output}: expected a folder for Infineon's tools (no suffix), got suffix {suffix!r}")
     refuse_source("OUT", output, path_and_topic(source)[0])
-    recording = load_recording(source, bare.description, span)
-    _write(recording, output, suffix, format, overwrite)
-    shape = " x ".join(map(str, recording.shape[1:]))
-    show(f"{output}: {len(recording)} frames of {shape} samples, {recording.dtype}")
-
-
-def _write(recording: Recording, output: Path, suffix: str, format: str | None, overwrite: bool) -> None:
+    recording = reading.load(source)
     if format is not None and recording.raw is not None and exact_codes(recording) is None:
         raise ValueError(f"{output}: expected codes of an ADC for Infineon's tools, got samples between them")
     if suffix not in (*_BAGS, _DATASET):
         recording.save(output, format, overwrite=overwrite)
-        return
-    if len(recording) == 0:
+    elif len(recording) == 0:
         raise ValueError(f"{output}: expected at least one frame for a {suffix} file, got none")
-    if suffix == _DATASET:
+    elif suffix == _DATASET:
         save_as_dataset(recording, output)
-        return
-    with BagWriter(output, overwrite=overwrite) as bag:
-        write_frames(bag, recording, start_ns=start_ns_of(recording.source))
+    else:
+        with BagWriter(output, overwrite=overwrite) as bag:
+            write_frames(bag, recording, start_ns=start_ns_of(recording.source))
+    shape = " x ".join(map(str, recording.shape[1:]))
+    show(f"{output}: {len(recording)} frames of {shape} samples, {recording.dtype}")

@@ -12,8 +12,8 @@ from cyclopts import Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.cli.options import Json, Source
-from radarcore.cli.sensor import is_port, show_board
-from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording
+from radarcore.cli.sensor import show_board
+from radarcore.cli.sources import NOT_BARE, BareSamples, is_board
 from radarcore.cli.terminal import show
 from radarcore.dataset.store import attrs_of
 from radarcore.dataset.variation import Parameter as Varying
@@ -54,10 +54,10 @@ def run(
 
         show_dataset(source, as_json)
         return
-    if is_port(port := source.as_posix()) or source.is_char_device():
-        show_board(port, as_json)
+    if is_board(source):
+        show_board(source.as_posix(), as_json)
         return
-    facts = _facts(source, bare.description)
+    facts = _facts(source, bare)
     if as_json:
         print(json.dumps(facts, indent=2))
     else:
@@ -75,14 +75,17 @@ def _texts(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield line(name, value)
 
 
-def _facts(path: Path, config: Description) -> dict[str, Any]:
+def _facts(path: Path, bare: BareSamples) -> dict[str, Any]:
     if path.suffix == ".toml":
         return _scene_facts(path)
     if is_bag(path):
         return _bag_facts(path)
     if found := recordings_in(path):
-        return {"folder": str(path), "recordings": {place.name: _recording_line(place, config) for place in found}}
-    return _recording_facts(path, config)
+        return {
+            "folder": str(path),
+            "recordings": {place.name: _recording_line(place, bare.description) for place in found},
+        }
+    return _recording_facts(path, bare)
 
 
 def _bag_facts(path: Path) -> dict[str, Any]:
@@ -133,9 +136,9 @@ def _range(parameter: Varying) -> str:
     return f"{parameter.kind} {', '.join(ends)}{f' [{parameter.unit}]' if parameter.unit else ''}"
 
 
-def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
+def _recording_facts(path: Path, bare: BareSamples) -> dict[str, Any]:
     """Content of a recording, by name with unit; samples of files are not read."""
-    recording = load_recording(path, config)
+    recording = bare.load(path)
     return {
         "recording": str(path),
         **facts_of_frames(recording),

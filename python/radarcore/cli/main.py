@@ -10,14 +10,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter
+from cyclopts.help import PlainFormatter
 
 from radarcore import notice
 from radarcore._core import __version__
 from radarcore.cli.options import OPTIONS
 from radarcore.cli.terminal import complain, is_coloured
+from radarcore.table import Table
 
 _SIMULATE, _LOOK, _EVALUATE, _BOARDS, _MORE = (
     Group(name, sort_key=place) for place, name in enumerate(("Simulate", "Look", "Evaluate", "Boards", "More"))
@@ -50,7 +52,7 @@ COMMANDS = (
     _Command(_SIMULATE, "schema", "list every key of a scene file", "--json"),
     _Command(_LOOK, "info", "summarise a recording, scene file, bag, dataset, mesh or board", "out/recording --json"),
     _Command(_LOOK, "plot", "draw a recording or a scene file", "out/recording -o map.png --kind map --max-range 5"),
-    _Command(_LOOK, "view", "show a scene file or a recording in Rerun (extra `rerun`)", "out/recording -o rec.rrd"),
+    _Command(_LOOK, "view", "show a board, a recording or a scene file, live", "out/recording --speed 0.5"),
     _Command(
         _EVALUATE,
         "process",
@@ -79,7 +81,6 @@ COMMANDS = (
         "record from a board, until Ctrl-C or for a duration",
         "-o out/rec --duration 10 --max-range 5 --rate 20",
     ),
-    _Command(_BOARDS, "sensor view", "live view of a board, a recording or a scene", "out/rec --speed 0.5"),
     _Command(
         _BOARDS,
         "sensor serve",
@@ -97,6 +98,14 @@ COMMANDS = (
 )
 
 
+class _PlainHelp(PlainFormatter):
+    """Help without broken lines: a pipe has no width."""
+
+    def __call__(self, console: Any, options: Any, panel: Any) -> None:
+        console.width = Table.width
+        super().__call__(console, options, panel)
+
+
 def application() -> App:
     """The command line, without the files of its commands."""
     app = App(
@@ -105,7 +114,7 @@ def application() -> App:
         version=f"radarcore {__version__}",
         version_flags="--version",
         help_format="plaintext",
-        help_formatter=None if is_coloured() else "plain",
+        help_formatter=None if is_coloured() else _PlainHelp(),
         group_parameters=OPTIONS,
         default_parameter=Parameter(negative=(), allow_repeating=True),  # the last of an option counts
         result_action="return_value",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,6 +59,29 @@ SubtractMean = Annotated[
         "their leakage)",
     ),
 ]
+
+
+@Parameter(name="*", group=OPTIONS)
+@dataclass(frozen=True, kw_only=True)
+class Detecting:
+    """Settings of `detect`."""
+
+    false_alarm_rate: Annotated[float | None, Parameter(metavar="P")] = None
+    """detections per cell of noise (default: 1e-6; of `compare` 1e-4)"""
+
+    min_range: Metres = None
+    """nearest range of detections [m]"""
+
+    max_range: Metres = None
+    """farthest range of detections, and end of the range axis [m]"""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Settings that have a value."""
+        return given(**vars(self))
+
+
+AS_USUAL = Detecting()
 
 
 def given(**options: Any) -> dict[str, Any]:

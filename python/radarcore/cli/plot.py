@@ -11,18 +11,19 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, OutputFile, Overwrite, Quiet, Source, SubtractMean, given, whole_number
-from radarcore.cli.sources import (
-    NOT_BARE,
-    WHOLE,
-    BareSamples,
-    Span,
-    beside,
-    load_recording,
-    moving,
-    moving_frame,
-    subtracts_mean,
+from radarcore.cli.options import (
+    AS_USUAL,
+    Count,
+    Detecting,
+    Number,
+    OutputFile,
+    Overwrite,
+    Quiet,
+    Source,
+    SubtractMean,
+    given,
 )
+from radarcore.cli.sources import WHOLE, Reading, beside, moving, moving_frame, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas
@@ -71,11 +72,11 @@ VIEWS = {
     "chirp": ("channel",),
     "range-profile": ("channel", "max_range", "subtract_mean"),
     "map": ("channel", "max_range", "max_velocity", "subtract_mean"),
-    "detections": ("channel", "min_range", "max_range", "max_velocity", "subtract_mean"),
+    "detections": ("channel", "false_alarm_rate", "min_range", "max_range", "max_velocity", "subtract_mean"),
     "range-angle": ("max_range", "subtract_mean"),
     "range-time": ("channel", "max_range", "subtract_mean"),
     "spectrogram": ("channel", "min_range", "max_range", "max_velocity", "subtract_mean"),
-    "tracks": ("min_range", "max_range", "subtract_mean"),
+    "tracks": ("false_alarm_rate", "min_range", "max_range", "subtract_mean"),
     "experiment": ("max_range",),
 }
 """Options of the pictures."""
@@ -90,16 +91,14 @@ def run(
     output: OutputFile = None,
     kind: Annotated[str, Parameter(metavar="KIND", choices=KINDS)] = "overview",
     frame: Count = None,
-    sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
+    sequence: Number = 0,
     channel: Count = None,
-    min_range: Metres = None,
-    max_range: Metres = None,
     max_velocity: Annotated[float | None, Parameter(metavar="V")] = None,
     subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
     _quiet: Quiet = False,
-    span: Span = WHOLE,
-    bare: BareSamples = NOT_BARE,
+    detecting: Detecting = AS_USUAL,
+    reading: Reading = WHOLE,
 ) -> None:
     """Draw a recording or a scene file.
 
@@ -117,10 +116,6 @@ def run(
         index of the sub-sequence, of several
     channel : int
         one channel (default: the powers of all, added)
-    min_range : float
-        start of the range gate [m]
-    max_range : float
-        end of the range axis, or of the range gate [m]
     max_velocity : float
         end of the velocity axis to either side [m/s]
     """
@@ -130,8 +125,7 @@ def run(
     if output.suffix.lower() not in suffixes:
         raise ValueError(f"{output}: expected a picture ({', '.join(suffixes)}), got suffix {output.suffix!r}")
     check_file(output, overwrite=overwrite)
-    limits = given(channel=channel, min_range=min_range, max_range=max_range, max_velocity=max_velocity)
-    chosen = limits | given(subtract_mean=subtract_mean)
+    chosen = detecting.given | given(channel=channel, max_velocity=max_velocity, subtract_mean=subtract_mean)
     wrong = sorted(name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ()))
     if wrong:
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
@@ -139,10 +133,10 @@ def run(
     if kind in FIGURES:
         chosen |= {"path": output, "overwrite": overwrite}
     if source.suffix == ".toml":
-        span.refuse(source)
+        reading.refuse(source)
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
-        recording = _sequence(load_recording(source, bare.description, span), sequence)
+        recording = _sequence(reading.load(source), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
     if kind not in FIGURES:
         canvas.save(figure, output, overwrite=overwrite)
@@ -207,10 +201,17 @@ def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _detections(frame: Frame, *, min_range: float | None = None, max_range: float | None = None, **view: Any) -> Axes:
+def _detections(
+    frame: Frame,
+    *,
+    channel: int | None = None,
+    max_range: float | None = None,
+    max_velocity: float | None = None,
+    **chosen: Any,
+) -> Axes:
     """The range-velocity map, of one channel or all, with what is detected in all of them."""
-    found = detect(frame, min_range=min_range, max_range=max_range)
-    return plot.range_doppler_map(frame, detections=found, max_range=max_range, **view)
+    found = detect(frame, max_range=max_range, **chosen)
+    return plot.range_doppler_map(frame, channel, detections=found, max_range=max_range, max_velocity=max_velocity)
 
 
 def _tracks(recording: Recording, *, subtract_mean: bool = False, **limits: Any) -> Axes:

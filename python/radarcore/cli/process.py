@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,15 +19,13 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
-from radarcore.cli.options import Flag, Json, Metres, Number, OutputFolder, Quiet, Source, SubtractMean, given
+from radarcore.cli.options import AS_USUAL, Detecting, Flag, Json, Number, OutputFolder, Quiet, Source, SubtractMean
 from radarcore.cli.sources import (
-    NOT_BARE,
     WHOLE,
     AnyReader,
-    BareSamples,
-    Span,
+    Reading,
+    beside,
     moving,
-    open_recording,
     path_and_topic,
     start_ns_of,
     subtracts_mean,
@@ -77,16 +76,13 @@ def run(
     samples: Flag = False,
     overwrite: Flag = False,
     sequence: Number = 0,
-    false_alarm_rate: Annotated[float | None, Parameter(metavar="P")] = None,
-    min_range: Metres = None,
-    max_range: Metres = None,
     subtract_mean: SubtractMean = None,
     range_only: Flag = False,
     people: Flag = False,
     _quiet: Quiet = False,
     as_json: Json = False,
-    span: Span = WHOLE,
-    bare: BareSamples = NOT_BARE,
+    detecting: Detecting = AS_USUAL,
+    reading: Reading = WHOLE,
 ) -> None:
     """Detect and track frame by frame, write results as they come, and print a summary.
 
@@ -95,7 +91,7 @@ def run(
     source : path
         recording, bag with one, BAG:/TOPIC, or bare samples with --config
     output : path
-        write detections.csv and tracks.csv there
+        directory for detections.csv and tracks.csv (default: NAME-results beside the source; none with --bag, --json)
     bag : path
         write detections and range-velocity maps into a ROS bag
     samples : bool
@@ -104,18 +100,11 @@ def run(
         replace the results that are there
     sequence : int
         sub-sequence of radars with several
-    false_alarm_rate : float
-        detections per cell of noise (default: 1e-6)
-    min_range : float
-        nearest range of detections [m]
-    max_range : float
-        farthest range of detections [m]
     range_only : bool
         track ranges and velocities, without angles
     people : bool
         track people: one track for each, none for things at rest
     """
-    chosen = given(false_alarm_rate=false_alarm_rate, min_range=min_range, max_range=max_range)
     tracks: dict[int, _Summary] = {}
     num_detections = 0
     began = time.perf_counter()
@@ -123,15 +112,19 @@ def run(
         raise ValueError("samples: expected --bag as well, got none")
     if bag is not None:
         refuse_source("bag", bag, path_and_topic(source)[0])
+    if output is None and bag is None and not as_json:
+        output = beside(source, "-results")
     with ExitStack() as files:
-        reader = files.enter_context(open_recording(source, bare.description, span))
+        reader = files.enter_context(reading.open(source))
+        radars = reader.radar.sequences()
+        radar = radars[check.index("sequence", sequence, len(radars))]
+        for first in islice(reader, 1):
+            detect(first.sequences()[sequence], **detecting.given)  # wrong settings are found before a file is made
         tables = _ResultFiles(output, overwrite, files) if output is not None else None
         messages = _ResultBag(bag, reader, samples, overwrite, files) if bag is not None else None
         removes = subtracts_mean(reader, subtract_mean)
-        radars = reader.radar.sequences()
-        radar = radars[check.index("sequence", sequence, len(radars))]
         tracker = tracker_for(radar, 1 if range_only else None, "people" if people else "points")
-        processed = _processed(reader, sequence, chosen, tracker, removes=removes)
+        processed = _processed(reader, sequence, detecting.given, tracker, removes=removes)
         for index, frame, part, found, states in processed:
             num_detections += len(found)
             confirmed = [state for state in states if state.is_confirmed]

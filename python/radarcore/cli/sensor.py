@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import platform
-import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from datetime import datetime
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -22,7 +18,7 @@ from cyclopts import Parameter
 
 from radarcore import check
 from radarcore._core import __version__
-from radarcore.cli.board_settings import NOT_SET, BoardSettings, gains_of, radar_of, refuse_settings, sight
+from radarcore.cli.board_settings import NOT_SET, BoardSettings, gains_of, radar_of, sight
 from radarcore.cli.options import (
     OPTIONS,
     Count,
@@ -41,7 +37,6 @@ from radarcore.cli.options import (
 from radarcore.cli.terminal import complain, show, show_result
 from radarcore.output import check_file, write_text
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import Frame
 from radarcore.recording.native import check_room
 from radarcore.recording.recording import Recording
 from radarcore.table import Table
@@ -159,105 +154,6 @@ def _waveforms(wanted: Radar, achieved: Radar) -> Iterator[tuple[str, float, flo
         ("frame_interval", "frame interval", 1e3, "ms"),
     ):
         yield text, scale * getattr(wanted.waveform, name), scale * getattr(achieved.waveform, name), unit
-
-
-def run_view(
-    source: Annotated[str | None, Parameter(metavar="SOURCE")] = None,
-    /,
-    *,
-    output: OutputFolder = None,
-    overwrite: Flag = False,
-    frames: Count = None,
-    speed: Speed = 1.0,
-    every: Annotated[float, Parameter(metavar="S")] = 1.0,
-    subtract_mean: Annotated[bool | None, Parameter(negative=("--no-subtract-mean", "--keep-mean"))] = None,
-    _quiet: Quiet = False,
-    settings: BoardSettings = NOT_SET,
-) -> None:
-    """Live view of a board, a recording or a scene.
-
-    Parameters
-    ----------
-    source : str
-        recording, scene file (TOML), or port of a board (default: the first board that responds)
-    output : path
-        write pictures to DIR, open no window
-    overwrite : bool
-        replace pictures of an earlier view
-    frames : int
-        end after N frames
-    speed : float
-        replay speed of a recording or scene: factor of real time, or max (default: 1)
-    every : float
-        seconds between pictures
-    subtract_mean : bool
-        subtract static clutter, or leave it in (default: out of sensors and their recordings)
-    """
-    from radarcore import plot
-
-    plot.require()
-    if frames is not None:
-        check.count("frames", frames)
-    check.positive("every", every, "s")
-    with ExitStack() as stack:
-        # Pictures need not wait for anybody.
-        shown, title, is_sensor = _frames(source, None if output is not None else speed, settings, stack)
-        plot.view(
-            islice(shown, frames),
-            output=output,
-            overwrite=overwrite,
-            every=every,
-            title=title,
-            max_range=settings.max_range,
-            subtract_mean=subtract_mean,
-            hold=not is_sensor,
-            say=show,
-        )
-
-
-def _frames(
-    source: str | None, speed: float | None, settings: BoardSettings, stack: ExitStack
-) -> tuple[Iterator[Frame], str, bool]:
-    """Frames of a source, its name, and true for a sensor."""
-    if source is not None and not is_port(source):
-        path = Path(source)
-        if path.suffix == ".toml":
-            refuse_settings(settings, source)
-            from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
-
-            return _paced(load_scene(path), speed), path.name, False
-        if not path.exists():
-            raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)
-        if not path.is_char_device():
-            refuse_settings(settings, source)
-            return Recording.load(path).replay(speed=speed), path.resolve().name, False
-    from radarcore.sensor import open_sensor
-
-    wanted = radar_of(settings)
-    sensor = stack.enter_context(open_sensor(source))
-    achieved = sensor.configure(wanted, **gains_of(settings))
-    show(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
-    return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
-
-
-def is_port(source: str) -> bool:
-    """True for the name of a port or a ``capture:``; ``COM3`` is a port, ``COMPLETE`` a file."""
-    return (
-        source.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", source, re.IGNORECASE) is not None
-    )
-
-
-def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:
-    """Frames of a scene when they are due, or later."""
-    speed = None if speed is None else check.positive("speed", speed)
-    run = simulation.run
-    simulator = simulation.simulator()
-    began = time.monotonic()
-    for at in run.times:
-        frame = simulator.frame(at)
-        if speed is not None:
-            time.sleep(max(0.0, began + (at - run.start) / speed - time.monotonic()))
-        yield frame
 
 
 def run_selftest(
@@ -396,7 +292,7 @@ def run_serve(
             name = link or port.path
             show(f"listening on {name}")
             show(f"{source} as a BGT60TR13C, protocol Strata; {settings}")
-            show(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server")
+            show(f"connect by `radarcore view {name}`; Ctrl-C ends the server")
             deadline = math.inf if duration is None else time.monotonic() + duration
             while time.monotonic() < deadline:
                 time.sleep(0.2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.processing.tracking.tracker import Tracker
 from radarcore.radar.radar import Radar
-from radarcore.recording.bare import NO_DESCRIPTION, Description
+from radarcore.recording.bare import Description
 from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
 
@@ -30,9 +31,10 @@ AnyReader = Recording | BagFrames
 """Frames that need not fit into memory."""
 
 
-@Parameter(
-    name="*", group=Group("Bare samples", sort_key=2, help="options of .npy and .mat files, raw files and captures")
-)
+_BARE = Group("Bare samples", sort_key=2, help="options of .npy and .mat files, raw files and captures")
+
+
+@Parameter(name="*", group=_BARE)
 @dataclass(frozen=True, kw_only=True)
 class BareSamples:
     """Options that describe samples without a description of their own."""
@@ -58,32 +60,52 @@ class BareSamples:
     @property
     def description(self) -> Description:
         """Description that readers take."""
-        return Description(**vars(self))
+        return Description(config=self.config, shape=self.shape, dtype=self.dtype, variable=self.variable)
+
+    @contextmanager
+    def open(self, source: Path) -> Iterator[AnyReader]:
+        """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
+        (path, topic), described = path_and_topic(source), self.description
+        if is_bag(path) and not described.given:
+            with BagReader(path) as bag:
+                yield self._part_of(BagFrames(bag, topic or only_radar(bag)))
+        elif (path / "zarr.json").is_file() and not described.given:
+            yield self._part_of(_only_sample(path))
+        else:
+            yield self._part_of(Recording.load(path, **vars(described)))
+
+    def load(self, source: Path) -> Recording:
+        """The recording at a path, the frames of a bag, ``BAG`` or ``BAG:/TOPIC``, or of a dataset of one sample."""
+        with self.open(source) as frames:
+            return frames if isinstance(frames, Recording) else frames.recording()
+
+    def _part_of(self, frames: AnyReader) -> AnyReader:
+        """The frames to read: all."""
+        return frames
 
 
 NOT_BARE = BareSamples()
 
 
-@Parameter(name="*", group=OPTIONS)
+@Parameter(name="*", group=_BARE)
 @dataclass(frozen=True, kw_only=True)
-class Span:
-    """Options that choose frames by their time."""
+class Reading(BareSamples):
+    """Options of commands that read recordings: a description of bare samples, and frames by their time."""
 
-    start: Annotated[Seconds, Parameter(allow_leading_hyphen=True)] = None
+    start: Annotated[Seconds, Parameter(allow_leading_hyphen=True, group=OPTIONS)] = None
     """first time of a recording's frames that counts, by the clock of the recording (default: its first frame)"""
 
-    duration: Seconds = None
+    duration: Annotated[Seconds, Parameter(group=OPTIONS)] = None
     """seconds from there on (default: to its last frame)"""
 
-    def refuse(self, scene: Path) -> None:
-        """Refuse options beside a scene file."""
-        if self != WHOLE:
-            got = ", ".join(f"--{name}" for name in given(**vars(self)))
-            raise ValueError(f"{scene}: expected no --start or --duration with a scene file, got {got}")
+    def refuse(self, source: str | Path, kind: str = "a scene file") -> None:
+        """Refuse these options beside anything but a recording."""
+        if got := ", ".join(f"--{name}" for name in given(**vars(self))):
+            raise ValueError(f"{source}: expected no option of recordings with {kind}, got {got}")
 
-    def part_of(self, frames: AnyReader) -> AnyReader:
+    def _part_of(self, frames: AnyReader) -> AnyReader:
         """The frames that begin within the span; of a bag, these are in memory."""
-        if self == WHOLE:
+        if self.start is None and self.duration is None:
             return frames
         if self.duration is not None:
             check.positive("duration", self.duration, "s")
@@ -101,7 +123,7 @@ class Span:
         return part
 
 
-WHOLE = Span()
+WHOLE = Reading()
 
 _ROUNDING = 1e-9
 """Tolerance of sums of times [s]."""
@@ -113,6 +135,13 @@ def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
     text = source if isinstance(source, str) else source.as_posix()
     head, separator, tail = text.rpartition(":/")
     return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(source), "")
+
+
+def is_board(source: Path) -> bool:
+    """True for the port of a board or a ``capture:``; ``COM3`` is a port, ``COMPLETE`` a file."""
+    name = source.as_posix()
+    is_port = name.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", name, re.IGNORECASE)
+    return bool(is_port) or source.is_char_device()
 
 
 def beside(source: Path, ending: str = "") -> Path:
@@ -132,19 +161,6 @@ def only_radar(bag: BagReader) -> str:
     return found[0]
 
 
-def load_recording(source: Path, config: Description = NO_DESCRIPTION, span: Span = WHOLE) -> Recording:
-    """The recording at a path, the frames of a bag, ``BAG`` or ``BAG:/TOPIC``, or of a dataset of one sample."""
-    with open_recording(source, config, span) as frames:
-        return frames if isinstance(frames, Recording) else frames.recording()
-
-
-def _loaded(path: Path, config: Description) -> Recording:
-    """The recording at a path that is no bag."""
-    if (path / "zarr.json").is_file() and not config.given:
-        return _only_sample(path)
-    return Recording.load(path, **vars(config))
-
-
 def _only_sample(path: Path) -> Recording:
     """The recording of the only sample of a dataset."""
     from radarcore.dataset.reading import open_dataset  # takes longer to load than the rest
@@ -155,17 +171,6 @@ def _only_sample(path: Path) -> Recording:
             "summarises it, Dataset.recording gives one of them"
         )
     return dataset.recording(0)
-
-
-@contextmanager
-def open_recording(source: Path, config: Description = NO_DESCRIPTION, span: Span = WHOLE) -> Iterator[AnyReader]:
-    """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
-    path, topic = path_and_topic(source)
-    if is_bag(path) and not config.given:
-        with BagReader(path) as bag:
-            yield span.part_of(BagFrames(bag, topic or only_radar(bag)))
-    else:
-        yield span.part_of(_loaded(path, config))
 
 
 def _topics(bag: BagReader) -> str:

@@ -22,7 +22,7 @@ from radarcore.dataset.store import (
     writable,
     write_shard,
 )
-from radarcore.output import Lock
+from radarcore.output import Lock, already_exists
 from radarcore.recording.frame import FULL_SCALE, TRUTH_FIELDS, to_samples
 from radarcore.recording.recording import Recording
 
@@ -38,7 +38,9 @@ def save_as_dataset(recording: Recording, path: str | PathLike[str]) -> None:
     FileExistsError
         If `path` exists: datasets are not replaced.
     """
-    target, truth = Path(path).absolute(), recording.truth
+    if (target := Path(path)).exists():
+        raise already_exists(target, "a place in use; datasets are not replaced: delete it, or choose another name")
+    target, truth = target.absolute(), recording.truth
     names, labels = () if truth is None else truth.names, Labels(truth=truth is not None)
     codes, first = exact_codes(recording), recording[0]
     if codes is None and first.raw is not None:

@@ -33,7 +33,7 @@ _FALSE_ALARM_RATE = 1e-7
 """Detections per cell of noise: of some thousand cells, one in an hour at 40 frames per second would need 1e-9; the
 threshold in dB is mostly higher."""
 
-_STATIC_TIME = 3.0
+STATIC_TIME = 3.0
 """Time constant of the mean of static echoes [s]: walking leaves no trace, standing fades in seconds."""
 
 _RATE_INTERVALS = 40
@@ -203,7 +203,7 @@ class Stream:
         if self._static is None or len(self._times) < 2:
             self._static, self._num_static = np.zeros(1, cube.dtype), 0
         interval = self._times[-1] - self._times[-2] if self._num_static else 0.0
-        self._static = updated_mean(self._static, cube, self._num_static, interval, _STATIC_TIME)
+        self._static = updated_mean(self._static, cube, self._num_static, interval, STATIC_TIME)
         self._num_static += 1
         if not self.subtract_mean:
             return cube

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.output import already_exists, make_folder, new_file
+from radarcore.output import already_exists, check_folder_name, make_folder, new_file
 from radarcore.plot import canvas
 from radarcore.plot.live.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
@@ -461,6 +461,7 @@ def _write(
     overwrite: bool,
 ) -> int:
     """A picture at regular intervals, and one of the last frame, with any end of the frames."""
+    check_folder_name(directory)
     if not overwrite and (taken := next(directory.glob("view-*.png"), None)) is not None:
         raise already_exists(taken, "a picture of an earlier view; overwrite=True replaces it")
     live: LiveView | None = None
