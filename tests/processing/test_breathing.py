@@ -65,6 +65,16 @@ def test_frames_of_a_live_sensor_are_used_as_they_come() -> None:
     assert found.share == pytest.approx(breathing(recording, SURFACE, swing).share, abs=0.05)
 
 
+def test_motion_of_the_sensor_within_a_frame_does_not_matter() -> None:
+    def approach(time: float) -> rc.Pose:
+        return rc.Pose([0.2 * np.sin(1.25 * time), 0.0, 0.0])
+
+    # At 0.25 m/s, a wavelength in 64 chirps: without this motion in the matched filter, the share is 0.14 lower.
+    radars = (rc.bgt60tr13c(num_chirps=number) for number in (8, 64))
+    short, long = (breathing(frames(2e-3, approach, radar=radar), SURFACE, approach) for radar in radars)
+    assert long.share == pytest.approx(short.share, abs=0.02)
+
+
 def test_share_of_a_sine_of_known_phase() -> None:
     # The mean of exp(1j a sin(x)) is the Bessel function J0(a): a tenth of a wavelength moves the phase by 0.4 pi.
     from scipy.special import j0

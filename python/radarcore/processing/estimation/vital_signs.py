@@ -126,6 +126,8 @@ class _Line(NamedTuple):
     """Largest amplitude of other lines, including a line at half the frequency."""
     median: float
     """Median amplitude of the band."""
+    is_distinct: bool = True
+    """False within the skirts of the harmonics of breathing."""
 
 
 def vital_signs(recording: Recording, *, min_range: float | None = None, max_range: float | None = None) -> VitalSigns:
@@ -227,18 +229,20 @@ def vital_signs(recording: Recording, *, min_range: float | None = None, max_ran
 
     # Heart.
     line = _heart(displacement, time, breathing)
-    alone = [_heart(scale * phases, time, breathing).frequency for phases in _phases_of_channels(profiles)]
-    if line.amplitude == 0.0:
-        reason = "all lines are harmonics of breathing"
-    elif not max(abs(rate - line.frequency) for rate in alone) <= _AGREEMENT:
-        listed = ", ".join("none" if np.isnan(rate) else f"{60.0 * rate:.0f}" for rate in alone)
-        reason = f"channels disagree: {listed} per minute"
+    alone = [_heart(scale * phases, time, breathing) for phases in _phases_of_channels(profiles)]
+    rates = [one.frequency if one.is_distinct or not line.is_distinct else np.nan for one in alone]
+    reasons = []
+    if not all(abs(rate - line.frequency) <= _AGREEMENT for rate in rates):
+        listed = ", ".join("none" if np.isnan(rate) else f"{60.0 * rate:.0f}" for rate in rates)
+        reasons.append(f"channels disagree: {listed} per minute")
+    if not line.is_distinct:
+        reasons.append("no line stands out from the harmonics of breathing")
     elif line.amplitude < _LEAST_PEAK * line.median:
-        reason = f"the SNR is too low: the line is {line.amplitude / line.median:.1f} times the noise"
+        reasons.append(f"the SNR is too low: the line is {line.amplitude / line.median:.1f} times the noise")
     elif line.amplitude < _DOMINANCE * line.runner_up:
-        reason = "another line is almost as strong"
-    if reason:
-        return replace(known, heart_reason=reason)
+        reasons.append("another line is almost as strong")
+    if reasons:
+        return replace(known, heart_reason="; ".join(reasons))
     noise = line.median / float(np.sqrt(np.log(2.0)))  # root mean square of amplitudes with that median
     heart_deviation = _HANN_LOSS * noise / (np.pi * line.amplitude * duration)
     return replace(known, heart_rate=line.frequency, heart_deviation=heart_deviation)
@@ -376,7 +380,7 @@ def _peak_to_peak(displacement: _Reals, time: _Reals, breathing: float) -> float
 
 
 def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
-    """Strongest line in the heart's band that is no harmonic of breathing; amplitude 0 without a line."""
+    """Strongest line in the heart's band that is no harmonic of breathing; without one, the strongest line."""
     duration = time[-1] - time[0]
     width = 2.0 / duration
     num_orders = int(np.ceil(_HEART_HZ[1] / breathing))
@@ -402,7 +406,8 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
     skirts = (irregularity * levels / np.maximum(0.5 * cells, 1.0)).sum(axis=0)  # of a phase that walks at random
     kept = peaks[amplitudes[peaks] > _OVER_SKIRTS * skirts]
     if len(kept) == 0:
-        return _Line(np.nan, 0.0, 0.0, median)
+        strongest = frequencies[peaks[amplitudes[peaks].argmax()]] if len(peaks) else np.nan
+        return _Line(float(strongest), 0.0, 0.0, median, is_distinct=False)
     best = kept[amplitudes[kept].argmax()]
     frequency = _with_harmonics(displacement, time, waves, float(frequencies[best]))
 
