@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammainc, gammaincc, gammainccinv
 from scipy.stats import binomtest
 
 import radarcore as rc
@@ -37,6 +38,9 @@ RADAR = rc.Radar(
 """Three channels of 64 chirps of 128 real samples, as of a BGT60TR13C."""
 
 SHAPE = (3, 64, 128)
+SNR_DB, FADING_DB = (18.0, 24.0, 30.0), 24.0
+"""Median SNR in a cell of a channel of people near a wall, and of a fading point [dB]."""
+
 FIRST_BINS = 3
 """Range bins of a frame that `detect` does not test: two next to the radar and the last."""
 
@@ -107,8 +111,10 @@ def peak_db(cubes: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(10.0 * np.log10(power.max(axis=(1, 2))))
 
 
-def walks_and_walls(num_walks: int, num_frames: int) -> Iterator[tuple[rc.Recording, NDArray[np.float64]]]:
-    """A person who walks, and the samples of a wall 1 m behind, in ten seeds: without noise."""
+def walks_and_walls(
+    num_walks: int, num_frames: int
+) -> Iterator[tuple[rc.Recording, rc.Recording, NDArray[np.float64]]]:
+    """A person who walks, a point on the same path, and samples of a wall 1 m behind, in ten seeds, without noise."""
     radar = rc.bgt60tr13c(receiver=rc.Receiver(output="real"))
     view = {"radar_motion": rc.Pose([0.0, 0.0, 1.0]), "sampling": "fast"}
     for walk in range(num_walks):
@@ -120,45 +126,52 @@ def walks_and_walls(num_walks: int, num_frames: int) -> Iterator[tuple[rc.Record
         person = rc.models.Human(
             height=rng.uniform(1.6, 1.9), speed=speed, path=[middle - way, middle + way], phase=rng.uniform()
         )
+        point = rc.PointTarget([*(middle - way), 1.0], velocity=[*(2.0 * way * 40.0 / num_frames), 0.0])
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*has a radial speed of")  # feet
-            walked = rc.Simulator(rc.Scene(person.bodies(name="person")), radar, **view).record(
-                0.0, num_frames / 40.0, rate=40.0, progress=False
+            walked, moved = (
+                rc.Simulator(rc.Scene(bodies), radar, **view).record(0.0, num_frames / 40.0, rate=40.0, progress=False)
+                for bodies in (person.bodies(name="person"), [point])
             )
         shape, place = rc.shapes.box([0.1, 4.0, 2.8]), rc.Pose([middle[0] + 1.05, 0.0, 1.4])
         wall = rc.Body(shape, material=rc.materials["plasterboard"], motion=place)
-        yield walked, np.asarray(rc.Simulator(rc.Scene([wall]), radar, **view).frame().cube, dtype=np.float64)
+        yield walked, moved, np.asarray(rc.Simulator(rc.Scene([wall]), radar, **view).frame().cube, dtype=np.float64)
 
 
 def near_walls(num_walks: int, num_frames: int) -> None:
-    """Frames in which a person is found who walks 1 m in front of a wall of 44 dB."""
-    print("detect: frames in which a person is found, 1 m in front of a wall of 44 dB; median SNR of a channel")
+    """Frames in which a moving target is found 1 m in front of a wall of 44 dB: a person, or a point that fades.
+
+    The median of a person's SNR is over the frames of a walk. The point's power is exponential from frame to frame.
+    """
+    print("detect: frames with a walking target found, 1 m in front of a wall of 44 dB; median SNR of a channel")
     rng = np.random.default_rng(5)
-    hits: dict[float, list[bool]] = {18.0: [], 24.0: [], 30.0: []}
-    for walked, wall in walks_and_walls(num_walks, num_frames):
-        person = walked.cube.astype(np.float64)
-        level = np.median(peak_db(person))
+    hits: dict[tuple[str, float], list[bool]] = {}
+    for walked, moved, wall in walks_and_walls(num_walks, num_frames):
         wall *= 10.0 ** ((44.0 - peak_db(wall[None])[0]) / 20.0)
-        truth = walked.truth.range
-        limits = (
-            np.nanmin(truth, axis=1) - 0.2,
-            np.minimum(np.nanmax(truth, axis=1), range_of(wall, walked.radar) - 0.4),
-        )
-        for snr_db, found in hits.items():
-            for cube, near, far in zip(person * 10.0 ** ((snr_db - level) / 20.0), *limits, strict=True):
-                noisy = (cube + wall + rng.standard_normal(cube.shape)).astype(np.float32)
-                ranges = rc.detect(noisy, walked.radar).range
-                found.append(bool(((ranges > near) & (ranges < far)).any()))
-    for snr_db, found in hits.items():
-        low, high = binomtest(sum(found), len(found)).proportion_ci(method="wilson")
-        print(f"  {snr_db:.0f} dB: {np.mean(found):.1%} of {len(found)} frames ({low:.1%} to {high:.1%})")
+        of_person, of_point = (peak_db(recording.cube.astype(np.float64)) for recording in (walked, moved))
+        cases = [("person", snr_db, walked, snr_db - np.median(of_person) + 0.0 * of_person) for snr_db in SNR_DB]
+        fading_db = 10.0 * np.log10(rng.exponential(1.0 / np.log(2.0), len(of_point)))
+        cases.append(("Swerling-1 point", FADING_DB, moved, FADING_DB + fading_db - of_point))
+        for name, snr_db, source, gains_db in cases:
+            for cube, ranges, gain_db in zip(source.cube, source.truth.range, gains_db, strict=True):
+                noisy = 10.0 ** (gain_db / 20.0) * cube + wall + rng.standard_normal(cube.shape)
+                found = rc.detect(noisy.astype(np.float32), source.radar)
+                is_near = np.abs(found.range - np.clip(found.range, np.nanmin(ranges), np.nanmax(ranges))) < 0.2
+                hits.setdefault((name, snr_db), []).append(bool((is_near & (np.abs(found.velocity) > 0.06)).any()))
+    for (name, snr_db), are_found in hits.items():
+        low, high = binomtest(sum(are_found), len(are_found)).proportion_ci(method="wilson")
+        shares = f"{np.mean(are_found):.1%} of {len(are_found)} frames ({low:.1%} to {high:.1%})"
+        print(f"  {name}, {snr_db:.0f} dB: {shares}")
+    print(f"  Swerling-1 point without a wall, closed form: {fading_rate(FADING_DB):.1%}")
 
 
-def range_of(wall: NDArray[np.float64], radar: rc.Radar) -> float:
-    """Range of the strongest echo of the wall [m]."""
-    peak = rc.strongest_peak(wall.astype(np.float32), radar)
-    assert peak is not None
-    return peak.range
+def fading_rate(median_db: float) -> float:
+    """Probability to detect an exponential power in the sum of three cells of known noise (Swerling, 1960)."""
+    looks, false_alarm_rate = 3, 1e-6
+    threshold, total = gammainccinv(looks, false_alarm_rate), looks * 10.0 ** (0.1 * median_db) / np.log(2.0)
+    share = 1.0 + 1.0 / total
+    above = share ** (looks - 1) * gammainc(looks - 1, threshold / share) * np.exp(-threshold / (1.0 + total))
+    return float(gammaincc(looks - 1, threshold) + above)
 
 
 def times(num_frames: int) -> None:
