@@ -215,6 +215,29 @@ def test_an_echo_near_a_wall_is_found_as_often_as_alone() -> None:
     assert found.min() >= 94
 
 
+@pytest.mark.parametrize(
+    ("real", "direction", "wall", "least"), [(True, UP, 3.0, 3.5), (True, DOWN, 3.0, 3.5), (False, UP, 9.1, 5.5)]
+)
+def test_an_echo_beside_a_stronger_one_has_its_own_direction(
+    real: bool, direction: float, wall: float, least: float
+) -> None:
+    """Some bins behind another of 30 dB more, where the lobes of both meet; of I/Q samples across the last bin."""
+    of, rng, squares = radar(direction, num_channels=3, real=real), np.random.default_rng(4), []
+    y = np.array(of.rx)[:, 1:2]
+    for _ in range(60):
+        distance = wall + rng.uniform(least, least + 2.0) * of.waveform.range_resolution
+        azimuth = rng.uniform(-0.6, 0.6, 2)
+        delay = (2.0 * np.array([wall, distance]) - y * np.sin(azimuth)) / SPEED_OF_LIGHT
+        cube = beat_signal_reference(delay, np.broadcast_to([20.0, 0.6], delay.shape), of.waveform) + noise(of, rng)
+        found = rc.detect(cube.real if real else cube, of)
+        expected = distance % (64 * of.waveform.range_resolution)
+        best = found[int(np.abs(found.range - expected).argmin())]
+        assert best.range[0] == pytest.approx(expected, abs=0.02)
+        squares.append((best.azimuth[0] - azimuth[1]) ** 2 / best.covariance[0, 2, 2])
+    # Chi-squared with 1 degree of freedom: mean 1, variance 2; 30 % for the error of the stronger one.
+    assert np.mean(squares) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 60) + 0.3)
+
+
 def test_weak_echoes_above_the_sidelobes_of_a_strong_one_are_found() -> None:
     of = radar(num_channels=2)
     rng = np.random.default_rng(7)

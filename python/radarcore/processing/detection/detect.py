@@ -23,7 +23,7 @@ from radarcore.processing.detection.map import (
     sidelobes,
 )
 from radarcore.processing.detection.point_cloud import Detections
-from radarcore.processing.detection.tone import fit, refit_near
+from radarcore.processing.detection.tone import fit, refit_beside, refit_near
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame
 from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra.spectra import both_windows, fast_spectrum, transformed
@@ -76,10 +76,10 @@ def detect(
     range with distances of whole bands, only the strongest is a detection.
 
     Each detection is refined by the tone that fits the cells up to 4 beside it best, in all channels (maximum
-    likelihood). The covariance is its Cramer-Rao bound at the estimated SNR. Range and velocity hold at the middle of
-    the frame, `Detections.time`. The range is corrected for the Doppler shift, so the errors of range and velocity are
-    correlated. A single chirp, or chirps at unequal intervals, give no velocity, and their ranges keep the Doppler
-    shift. A CW radar gives no range.
+    likelihood), after subtraction of stronger ones nearby. The covariance is its Cramer-Rao bound at the estimated
+    SNR. Range and velocity hold at the middle of the frame, `Detections.time`. The range is corrected for the
+    Doppler shift, so the errors of range and velocity are correlated. A single chirp, or chirps at unequal
+    intervals, give no velocity, and their ranges keep the Doppler shift. A CW radar gives no range.
 
     Parameters
     ----------
@@ -203,8 +203,9 @@ def detect(
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
+    windows = layout.slow, layout.fast
+    tones = refit_beside(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down, is_cyclic=layout.is_iq)
     if layout.has_range and not (layout.is_iq or subtract_mean or bands):
-        windows = layout.slow, layout.fast
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels, without the noise in the fit

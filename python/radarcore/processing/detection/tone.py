@@ -22,7 +22,8 @@ _MIRRORED = 6.0
 """Last column where the mirror image of a real tone disturbs its fit; farther on a Hann window attenuates by 60 dB."""
 
 _NUM_REFITS = 2
-"""Refits after subtraction of the mirror images of the previous fit; each reduces the error by a factor of 100."""
+"""Refits after subtraction of other tones by their previous fits; each reduces the error of mirror images by a factor
+of 100."""
 
 _DEGREE = 24
 """Degree of the polynomials; their error is pi^25 / 25! = 2e-13 for a peak one cell from the middle."""
@@ -135,6 +136,71 @@ def fit(
     both = np.ascontiguousarray(peaks, dtype=np.int64), np.ascontiguousarray(start)
     map_ = np.ascontiguousarray(cells)
     return Fit(*_core.fit_tones(map_, *both, axes.series, num_cells=axes.num_cells, is_cyclic=is_cyclic))
+
+
+def refit_beside(
+    cells: NDArray[Any],
+    peaks: NDArray[np.intp],
+    tones: Fit,
+    axes: Axes,
+    windows: tuple[NDArray[np.float64], NDArray[np.float64]],
+    *,
+    is_conjugate: bool,
+    is_cyclic: bool,
+) -> Fit:
+    """Refit tones beside stronger ones after subtraction of these: their lobes are in the same cells.
+
+    Otherwise the weak echo of a person beside a wall gets the direction of the wall.
+
+    Parameters
+    ----------
+    cells, peaks, axes, is_cyclic
+        As in `fit`.
+    tones : Fit
+        Result of `fit`.
+    windows, is_conjugate
+        As in `refit_near`.
+    """
+    shape, num_cells, is_wrapped = np.array(cells.shape[1:]), np.array(axes.num_cells), np.array([True, is_cyclic])
+    power = np.square(np.abs(tones.amplitude)).sum(axis=1)
+    apart = np.abs(peaks[:, None] - peaks)
+    apart = np.where(is_wrapped, np.minimum(apart, shape - apart), apart)
+    weaker, stronger = ((apart <= 2 * REACH).all(axis=2) & (power[:, None] < power)).nonzero()
+    if len(weaker) == 0:
+        return tones
+    refitted, index = np.unique(weaker, return_inverse=True)
+
+    # Cells of each tone, one below the other.
+    first = peaks[refitted] - num_cells // 2
+    first = np.where(is_wrapped, first, np.clip(first, 0, shape - num_cells))
+    rows, columns = (first[:, axis, None] + np.arange(num_cells[axis]) for axis in (0, 1))
+    around = cells[:, rows[:, :, None] % shape[0], columns[:, None] % shape[1]]
+    middle = peaks[refitted] - first + np.outer(np.arange(len(refitted)), [num_cells[0], 0])
+
+    steps = [near[index] - peaks[stronger, axis, None] for axis, near in enumerate((rows, columns))]
+    steps = [(s + n // 2) % n - n // 2 if wraps else s for s, n, wraps in zip(steps, shape, is_wrapped, strict=True)]
+
+    offset, amplitude = tones.offset.copy(), tones.amplitude.copy()
+    for _ in range(_NUM_REFITS):
+        across, along = (_in_cells(steps[axis], offset[stronger, axis], windows[axis]) for axis in (0, 1))
+        lobes = across[:, :, None] * (along.conj() if is_conjugate else along)[:, None]
+        leaked = np.zeros((len(refitted), *amplitude.shape[1:], *num_cells), dtype=np.complex128)
+        np.add.at(leaked, index, amplitude[stronger, :, None, None] * lobes[:, None])
+        alone = (around - leaked.swapaxes(0, 1)).astype(cells.dtype).reshape(len(cells), -1, num_cells[1])
+        found = fit(alone, middle, tones.offset[refitted], axes, is_cyclic=False)
+        offset[refitted], amplitude[refitted] = found.offset, found.amplitude
+    energy_gain, information = tones.energy_gain.copy(), tones.information.copy()
+    energy_gain[refitted], information[refitted] = found.energy_gain, found.information
+    return Fit(offset, amplitude, energy_gain, information)
+
+
+def _in_cells(cells: NDArray[np.intp], offset: NDArray[np.float64], window: NDArray[np.float64]) -> NDArray[Any]:
+    """Tones of amplitude 1 in cells (tone, cell) along an axis, counted from their middle cells."""
+    length, farthest = len(window), 4 * REACH
+    n = np.arange(length)
+    tones = np.exp(2j * np.pi / length * np.multiply.outer(offset, n - np.average(n, weights=window))) * window
+    spectra = product(tones, _transform(length, 2 * farthest + 1, farthest))
+    return np.asarray(np.take_along_axis(spectra, cells + farthest, axis=1))
 
 
 @lru_cache(maxsize=16)
