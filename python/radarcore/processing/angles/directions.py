@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -172,9 +172,10 @@ class Waves(NamedTuple):
     """Directions of waves: one wave per snapshot, then the second waves of some snapshots."""
 
     directions: Directions
-    snapshot: NDArray[np.intp]
-    share: _Reals
-    """Part of the snapshot's power."""
+    snapshot: NDArray[np.intp] | None = None
+    """Of every wave; None: one wave per snapshot."""
+    share: _Reals | None = None
+    """Part of the snapshot's power, likewise."""
 
 
 def waves_of(
@@ -189,11 +190,13 @@ def waves_of(
 ) -> Waves:
     """`directions` of snapshots (detection, channel) without checks, up to two per snapshot."""
     array = array_of(radar)
-    found = _Fitted.none(len(values))
     size = np.abs(values).max(axis=1, initial=0.0)
-    (known,) = ((size > 0.0) & (size < np.inf)).nonzero()
-    if len(known) == 0 or not any(array.observable):
-        return found.waves(array)
+    is_known = (size > 0.0) & (size < np.inf)
+    if not (is_known.any() and any(array.observable)):
+        nothing = np.full((len(values), 3, 2), np.nan)
+        return Waves(_directions(array, nothing[:, 0], nothing[:, 1:], np.ones(len(values), dtype=bool)))
+    if not is_known.all():
+        values, size = np.where(is_known[:, None], values, 1.0), np.where(is_known, size, 1.0)
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
         notice.warn(
@@ -203,120 +206,113 @@ def waves_of(
         )
 
     # Correct phases that do not depend on direction.
-    corrections = channel_corrections(radar, velocity, channel_phase)
-    waves = values[known] / size[known, None] * (corrections if corrections.ndim == 1 else corrections[known])
+    waves = values / size[:, None] * channel_corrections(radar, velocity, channel_phase)
 
     # Closed form if one direction aligns the phases of all channels; otherwise, or beyond the horizon, by search.
     sines = aligned(waves, array)
-    lost = ~(np.vecdot(sines, sines) <= 1.0)
-    if lost.any():
-        sines[lost] = searched(waves[lost], array)
+    is_lost = ~(np.vecdot(sines, sines) <= 1.0)
+    if is_lost.any():
+        sines[is_lost] = searched(waves[is_lost], array)
 
     # Waves of near targets are spherical.
     sines, missing = _core.fit_spheres(
         waves,
-        np.ascontiguousarray(sines),
-        np.full(len(waves), np.inf) if distance is None else np.ascontiguousarray(distance[known]),
+        sines,
+        np.full(len(waves), np.inf) if distance is None else np.ascontiguousarray(distance),
         array.antennas,
         array.channels,
         num_receivers=array.num_rx,
         wavenumber=array.wavenumber,
         observable=array.observable,
     )
-    found.sines[known] = sines
+    sines[~is_known] = np.nan
     if snr is None:
-        return found.waves(array)
+        nothing = np.full((len(values), 2, 2), np.nan)
+        return Waves(_directions(array, sines, nothing, np.ones(len(values), dtype=bool)))
 
     # Residual power of one wave, relative to the noise, and its significance.
-    power = len(array.x) * (snr[known] + 1.0)
+    power = len(array.x) * (snr + 1.0)
     residual = missing * power
-    is_over_noise = _exceeds_noise(residual, array, 1)
+    is_over_noise = _exceeds_noise(residual, array, 1) & is_known
     is_several = is_over_noise & (residual > _UNEQUAL * power)
-    found.is_resolved[known] = ~is_several
-    variance = 0.5 / snr[known]
+    variance = 0.5 / snr
     if is_several.any():
         variance[is_several] *= _interference(residual[is_several], array, 1)
     inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
-    found.covariance[known] = inverse * variance[:, None, None]
-    if not (is_over_noise.any() and array.separates_waves):
-        return found.waves(array)
+    covariance = inverse * variance[:, None, None]
+    covariance[~is_known] = np.nan
+    (several,) = is_over_noise.nonzero()
+    if not (len(several) and array.separates_waves):
+        return Waves(_directions(array, sines, covariance, ~is_several))
 
     # Two waves if they explain significantly more, by the likelihood ratio at the same noise.
-    several = np.flatnonzero(is_over_noise)
-    noise = np.square(np.abs(waves[several])).sum(axis=1) / power[several]
-    plane = waves[several]
+    power, residual, plane = power[several], residual[several], waves[several]
+    noise = np.square(np.abs(plane)).sum(axis=1) / power
     if distance is not None:
-        far = distance[known[several]]
+        far = distance[several]
         plane = plane * np.exp(-1j * array.curvature(sines[several], np.where(np.isfinite(far), far, _FAR)))
     pairs = pairs_of(plane, array, sines[several])
     unexplained = pairs.residual / noise
-    explained, unequal = residual[several] - unexplained, _UNEQUAL * power[several]
+    explained, unequal = residual - unexplained, _UNEQUAL * power
     is_better = explained > np.log(len(array.x) / _CHANCE)
     is_pair = is_better & (explained > unequal)
     is_more = _exceeds_noise(unexplained, array, 2)
     variance = noise * np.where(is_more, _interference(unexplained, array, 2), 1.0)
-    covariance = pairs.covariance * variance[:, None, None, None]
+    of_pairs = pairs.covariance * variance[:, None, None, None]
 
     # Two waves or unequal receivers: keep the direction of one wave, and cover its distance from the pair's.
     is_either = is_better & ~is_pair & ~_exceeds_noise(unexplained, array, 2, _RARELY)
     bias = (pairs.sines[:, 0] - sines[several])[is_either]
-    found.covariance[known[several[is_either]]] = covariance[is_either, 0] + bias[:, :, None] * bias[:, None]
-    which = known[several[is_pair]]
-    found.sines[which], found.covariance[which] = pairs.sines[is_pair, 0], covariance[is_pair, 0]
+    covariance[several[is_either]] = of_pairs[is_either, 0] + bias[:, :, None] * bias[:, None]
+    which = several[is_pair]
+    sines[which], covariance[which] = pairs.sines[is_pair, 0], of_pairs[is_pair, 0]
     if max_directions == 1:
-        return found.waves(array)
-    is_more &= unexplained > unequal
+        return Waves(_directions(array, sines, covariance, ~is_several))
+    is_more = (is_more & (unexplained > unequal))[is_pair]
+    is_several[which] = is_more
+    seen = _directions(
+        array,
+        np.concatenate([sines, pairs.sines[is_pair, 1]]),
+        np.concatenate([covariance, of_pairs[is_pair, 1]]),
+        ~np.concatenate([is_several, is_more]),
+    )
     share = pairs.power[is_pair] / pairs.power[is_pair].sum(axis=1, keepdims=True)
-    found.is_resolved[which], found.share[which] = ~is_more[is_pair], share[:, 0]
-    seconds = _Fitted(pairs.sines[is_pair, 1], covariance[is_pair, 1], ~is_more[is_pair], share[:, 1], which)
-    joined: list[Any] = [np.concatenate(columns) for columns in zip(found, seconds, strict=True)]
-    return _Fitted(*joined).waves(array)
+    shares = np.concatenate([np.ones(len(values)), share[:, 1]])
+    shares[which] = share[:, 0]
+    return Waves(seen, np.concatenate([np.arange(len(values)), which]), shares)
 
 
-class _Fitted(NamedTuple):
-    """Sines of waves (wave, 2), their covariance, and the other columns of `Waves`."""
-
-    sines: _Reals
-    covariance: _Reals
-    is_resolved: NDArray[np.bool_]
-    share: _Reals
-    snapshot: NDArray[np.intp]
-
-    @classmethod
-    def none(cls, number: int) -> _Fitted:
-        """One wave per snapshot, all unknown."""
-        sines, covariance = np.full((number, 2), np.nan), np.full((number, 2, 2), np.nan)
-        return cls(sines, covariance, np.ones(number, dtype=bool), np.ones(number), np.arange(number))
-
-    def waves(self, array: Array) -> Waves:
-        """Directions of the waves."""
-        candidates = self.sines[:, None] + array.ambiguities  # all with the same phases, the fitted one first
+def _directions(array: Array, sines: _Reals, covariance: _Reals, is_resolved: NDArray[np.bool_]) -> Directions:
+    """Directions from sines of waves (wave, 2) and their covariance (wave, 2, 2)."""
+    candidates = sines[:, None] + array.ambiguities  # all with the same phases, the fitted one first
+    if len(array.ambiguities) > 1:
         square = np.vecdot(candidates, candidates)
         square[:, 0] = -1.0
-        candidates[~(square <= 1.0)] = np.nan
-        if (square[:, 1:] <= 1.0).any():
-            order = np.where(square <= 1.0, square, np.inf).argsort(axis=1)
+        is_front = square <= 1.0
+        candidates[~is_front] = np.nan
+        if is_front[:, 1:].any():
+            order = np.where(is_front, square, np.inf).argsort(axis=1)
             candidates = np.take_along_axis(candidates, order[..., None], axis=1)
-        angles = np.stack(_angles(array, candidates), axis=-1)
-        found = Directions(
-            angles[:, 0, 0],
-            angles[:, 0, 1],
-            _of_angles(array, self.sines, self.covariance),
-            self.is_resolved,
-            array.ambiguous_beyond,
-            angles[:, 1:],
-        )
-        return Waves(found, self.snapshot, self.share)
+    y, z = candidates[..., 0], candidates[..., 1]
+    forward = array.forward(candidates)
+    angles = np.full(candidates.shape, np.nan)
+    if array.observable[0]:
+        angles[..., 0] = np.arctan2(y, forward)
+    if array.observable[1]:
+        angles[..., 1] = np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0))
 
-
-def _angles(array: Array, sines: _Reals) -> tuple[_Reals, _Reals]:
-    """Azimuth and elevation of sines (..., 2); NaN for unobservable angles."""
-    y, z = sines[..., 0], sines[..., 1]
-    nothing = np.full(y.shape, np.nan)
-    return (
-        np.arctan2(y, array.forward(sines)) if array.observable[0] else nothing,
-        np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0)) if array.observable[1] else nothing,
-    )
+    # Derivatives of angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el).
+    square = np.maximum(1.0 - z[:, 0] * z[:, 0], _TINY)  # cos(el)^2
+    by_sines = np.zeros((len(sines), 2, 2))
+    by_sines[:, 0, 0] = 1.0 / np.maximum(forward[:, 0], _TINY)
+    by_sines[:, 0, 1] = by_sines[:, 0, 0] * y[:, 0] * z[:, 0] / square
+    by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
+    of_angles: _Reals = by_sines @ covariance @ by_sines.mT
+    for axis, is_observable in enumerate(array.observable):
+        if not is_observable:
+            of_angles[:, axis] = of_angles[:, :, axis] = np.nan
+    azimuth, elevation = angles[:, 0].T
+    return Directions(azimuth, elevation, of_angles, is_resolved, array.ambiguous_beyond, angles[:, 1:])
 
 
 def _interference(residual: _Reals, array: Array, num_waves: int) -> _Reals:
@@ -344,19 +340,3 @@ def _snapshots(values: ArrayLike, num_channels: int) -> _Complexes:
 def _per_detection(name: str, values: ArrayLike | None, number: int) -> _Reals | None:
     """One number per detection, NaN allowed."""
     return None if values is None else check.numbers(name, values, (number,))
-
-
-def _of_angles(array: Array, sines: _Reals, covariance: _Reals) -> _Reals:
-    """Covariance of azimuth and elevation from the covariance of the sines (detection, 2, 2)."""
-    # Derivatives of angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el).
-    y, z = sines.T
-    square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
-    by_sines = np.zeros((len(sines), 2, 2))
-    by_sines[:, 0, 0] = 1.0 / np.maximum(array.forward(sines), _TINY)
-    by_sines[:, 0, 1] = by_sines[:, 0, 0] * y * z / square
-    by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
-    of_angles: _Reals = by_sines @ covariance @ by_sines.mT
-    for axis, is_observable in enumerate(array.observable):
-        if not is_observable:
-            of_angles[:, axis] = of_angles[:, :, axis] = np.nan
-    return of_angles

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -21,6 +22,8 @@ from radarcore.processing.detection.cfar import (
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
 from radarcore.processing.inputs import range_limits
+from radarcore.processing.spectra.noise import rounding_per_energy
+from radarcore.processing.spectra.spectra import both_windows
 from radarcore.processing.spectra.windows import (
     Window,
     centred_window,
@@ -57,7 +60,7 @@ _HIGHEST_RATE = 0.01
 @sealed
 @dataclass(kw_only=True, unsafe_hash=True)
 class DetectionSettings:
-    """Settings of `detect`, checked."""
+    """Settings of `detect`, checked; `guard` and `training` may be given as one number."""
 
     false_alarm_rate: float
     guard: tuple[int, int]
@@ -70,6 +73,8 @@ class DetectionSettings:
     dynamic_range_db: float
 
     def __post_init__(self) -> None:
+        self.guard = cells_per_side("guard", self.guard)
+        self.training = None if self.training is None else cells_per_side("training", self.training)
         self.false_alarm_rate = checked_rate(self.false_alarm_rate)
         if self.false_alarm_rate > _HIGHEST_RATE:
             raise ValueError(
@@ -82,6 +87,16 @@ class DetectionSettings:
         self.doppler_window = hashable("doppler_window", self.doppler_window)
         range_limits(self.min_range, self.max_range)
         self.dynamic_range_db = check.positive("dynamic_range_db", self.dynamic_range_db, "dB")
+
+
+_settings_of = lru_cache(maxsize=16, typed=True)(DetectionSettings)
+
+
+def settings_of(**values: Any) -> DetectionSettings:
+    """Settings of `detect`, checked once for all frames."""
+    with suppress(TypeError):  # lists and arrays have no hash
+        return _settings_of(**values)
+    return DetectionSettings(**values)
 
 
 def cells_per_side(name: str, value: int | Sequence[int]) -> tuple[int, int]:
@@ -114,6 +129,21 @@ class Layout:
     coordinates: Coordinates
 
     @cached_property
+    def weights(self) -> NDArray[np.float64]:
+        """Product of the windows, as `transformed` needs it, (chirp, sample)."""
+        return both_windows(self.fast, self.slow, len(self.slow), np.dtype(np.float64))
+
+    @cached_property
+    def rounding(self) -> float:
+        """Least noise of a cell, all looks together, over the sum of the squared samples."""
+        return self.num_looks * rounding_per_energy(self.fast, self.slow)
+
+    @cached_property
+    def gain(self) -> float:
+        """Power of an echo of amplitude 1 in the middle of a cell."""
+        return float(self.slow.sum() * self.fast.sum()) ** 2
+
+    @cached_property
     def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Envelopes for `sidelobes` along rows and columns."""
         return envelope(self.slow), envelope(self.fast if self.has_range else np.ones(1))
@@ -139,11 +169,11 @@ class Layout:
         return axes_of((self.slow, self.fast), num_cells, is_conjugate=self.is_down)
 
     @cached_property
-    def slopes(self) -> NDArray[np.float64]:
-        """Derivatives of range and velocity by row and column, (2, 2); NaN for unobservable ones."""
+    def covariances(self) -> NDArray[np.float64]:
+        """Covariance of range and velocity by the variances of row and column, (2, 4); NaN for unobservable ones."""
         slopes: NDArray[np.float64] = self.coordinates.slopes()[:, ::-1] * [self.doppler_step, self.beat_step]
         slopes[[not self.has_range, not self.has_velocity]] = np.nan
-        return slopes
+        return np.asarray(np.einsum("ik,jk->kij", slopes, slopes).reshape(2, 4))
 
     @cached_property
     def num_rows(self) -> int:

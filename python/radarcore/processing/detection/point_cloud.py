@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.direction import unit_vectors
-from radarcore.records import sealed
+from radarcore.records import made_of, sealed
 
 COORDINATES = ("range", "velocity", "azimuth", "elevation")
 """Coordinates of a detection, in the order of its covariance."""
@@ -96,6 +96,29 @@ class Detections:
     def position(self) -> NDArray[np.float64]:
         """Points in the sensor frame, (detection, 3) [m]; an unobservable elevation counts as 0."""
         return self.range[:, None] * unit_vectors(self.azimuth, np.nan_to_num(self.elevation))
+
+
+def detections_of(
+    columns: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    is_resolved: NDArray[np.bool_],
+    alternatives: NDArray[np.float64],
+    time: float,
+    ambiguous_beyond: float,
+) -> Detections:
+    """Detections from new arrays of the shapes above, not checked; `columns` (5, detection) ends with `snr_db`."""
+    fields = dict(zip((*COORDINATES, "snr_db"), check.frozen(columns), strict=True))
+    return made_of(
+        Detections,
+        fields
+        | {
+            "covariance": check.frozen(covariance),
+            "time": time,
+            "is_resolved": check.frozen(is_resolved),
+            "ambiguous_beyond": ambiguous_beyond,
+            "alternatives": check.frozen(alternatives),
+        },
+    )
 
 
 def _numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:

@@ -127,5 +127,9 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     The reference is a frame with a single echo, whose samples add up coherently.
     """
-    gain = prod(float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
-    return max(ROUNDING * gain * real_inner(cube, cube), LEAST_NOISE)
+    return max(rounding_per_energy(fast_weights, slow_weights) * real_inner(cube, cube), LEAST_NOISE)
+
+
+def rounding_per_energy(*weights: NDArray[np.float64]) -> float:
+    """`rounding_noise` relative to the sum of the squared samples."""
+    return ROUNDING * prod(float(each.sum()) ** 2 / len(each) for each in weights)
