@@ -217,9 +217,13 @@ def strongest_peak(
         is_searched &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
     if has_velocity:
         is_searched &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
-    cells = np.ascontiguousarray(np.argwhere(is_searched))
-    cells = cells[_core.local_maxima(power, cells, is_cyclic=is_iq)]
-    if len(cells) == 0:
+    highest = power.max(where=is_searched, initial=0.0)
+    for least in (0.5 * highest, 0.0):  # the highest cells may be the flank of a peak outside of the limits
+        cells = np.argwhere(is_searched & (power > least))
+        cells = cells[_core.local_maxima(power, np.ascontiguousarray(cells), is_cyclic=is_iq)]
+        if len(cells) > 0:
+            break
+    else:
         return None
     strongest = cells[power[*cells.T].argmax()]
     offset, heights = _core.between_cells(power, strongest[None], is_cyclic=is_iq)
