@@ -207,9 +207,9 @@ def detect(
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
-    windows = layout.slow, layout.fast
-    tones = refit_beside(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down, is_cyclic=layout.is_iq)
+    tones = refit_beside(cells, peaks, tones, layout.axes, is_cyclic=layout.is_iq)
     if layout.has_range and not (layout.is_iq or subtract_mean or bands):
+        windows = layout.slow, layout.fast
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.vecdot(tones.amplitude, tones.amplitude).real * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels, without the noise in the fit

@@ -18,6 +18,9 @@ REACH = 4
 the bound for all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.87). Echoes farther away are still
 attenuated by the window's sidelobes."""
 
+_FARTHEST = 4 * REACH
+"""Cells from the middle of a tone to the farthest cell of a patch of a tone nearby."""
+
 _MIRRORED = 6.0
 """Last column where the mirror image of a real tone disturbs its fit; farther on a Hann window attenuates by 60 dB."""
 
@@ -46,10 +49,13 @@ class Axes:
         (noise power 1 in a single cell): complex numbers (2, 2, cell). The patch has `place` cells before the middle.
     num_cells : (int, int)
         Rows and columns of a patch.
+    lobes : (axis, degree, cell) complex128
+        Power series of a tone of amplitude 1 in the cells up to 16 on each side of the middle cell.
     """
 
     series: NDArray[np.float64]
     num_cells: tuple[int, int]
+    lobes: NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,18 +100,21 @@ def axes_of(
     most = max(num_cells)
     series = np.zeros((2, _DEGREE + 1, 2, 2 * most - 1), dtype=np.complex128)
     inverse = np.zeros((2, most, most), dtype=np.complex128)
+    lobes = np.zeros((2, _DEGREE + 1, 2 * _FARTHEST + 1), dtype=np.complex128)
     for i, (weights, number) in enumerate(zip(windows, num_cells, strict=True)):
         n = np.arange(len(weights))
-        waves = np.exp(-2j * np.pi * np.outer(np.arange(1 - number, number), n) / len(n))
+        waves = np.exp(-2j * np.pi * np.outer(np.arange(-_FARTHEST, _FARTHEST + 1), n) / len(n))
         turns = 2j * np.pi * (n - np.average(n, weights=weights)) / len(n)
         tone = np.stack([(waves * weights) @ turns**q / factorial(q) for q in range(_DEGREE + 2)])
-        some = waves[:number]  # the noise is the same in all cells
+        some = waves[_FARTHEST + 1 - number :][:number]  # the noise is the same in all cells
         covariance = (some * weights**2) @ some.conj().T / np.sum(weights**2)
         if is_conjugate and i == 1:
             tone, covariance = tone.conj(), covariance.conj()
         variances, parts = np.linalg.eigh(covariance)
         kept = variances > _LEAST_VARIANCE
         inverse[i, :number, :number] = (parts[:, kept] / variances[kept]) @ parts[:, kept].conj().T
+        lobes[i] = tone[:-1]
+        tone = tone[:, _FARTHEST + 1 - number : _FARTHEST + number]
         cells = slice(most - number, most + number - 1)
         series[i, :, 0, cells] = tone[:-1]
         if np.count_nonzero(kept) > 1:  # a single component has no frequency
@@ -113,7 +122,7 @@ def axes_of(
     places = np.stack([series[..., most - 1 - k : 2 * most - 1 - k] for k in range(most)], axis=1)
     through = (places @ inverse[:, None, None].mT).conj()
     parts = np.stack([places, through], axis=3).reshape(2, most, _DEGREE + 1, -1)
-    return Axes(parts.view(np.float64), num_cells)
+    return Axes(parts.view(np.float64), num_cells, lobes)
 
 
 def fit(
@@ -143,9 +152,7 @@ def refit_beside(
     peaks: NDArray[np.intp],
     tones: Fit,
     axes: Axes,
-    windows: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    is_conjugate: bool,
     is_cyclic: bool,
 ) -> Fit:
     """Refit tones beside stronger ones after subtraction of these: their lobes are in the same cells.
@@ -158,8 +165,6 @@ def refit_beside(
         As in `fit`.
     tones : Fit
         Result of `fit`.
-    windows, is_conjugate
-        As in `refit_near`.
     """
     shape, num_cells, is_wrapped = np.array(cells.shape[1:]), np.array(axes.num_cells), np.array([True, is_cyclic])
     power = np.square(np.abs(tones.amplitude)).sum(axis=1)
@@ -168,11 +173,13 @@ def refit_beside(
     weaker, stronger = ((apart <= 2 * REACH).all(axis=2) & (power[:, None] < power)).nonzero()
     if len(weaker) == 0:
         return tones
-    refitted, index = np.unique(weaker, return_inverse=True)
+    is_first = np.diff(weaker, prepend=-1) > 0
+    (firsts,) = is_first.nonzero()
+    refitted, index = weaker[firsts], is_first.cumsum() - 1
 
     # Cells of each tone, one below the other.
     first = peaks[refitted] - num_cells // 2
-    first = np.where(is_wrapped, first, np.clip(first, 0, shape - num_cells))
+    first = np.where(is_wrapped, first, np.minimum(np.maximum(first, 0), shape - num_cells))
     rows, columns = (first[:, axis, None] + np.arange(num_cells[axis]) for axis in (0, 1))
     around = cells[:, rows[:, :, None] % shape[0], columns[:, None] % shape[1]]
     middle = peaks[refitted] - first + np.outer(np.arange(len(refitted)), [num_cells[0], 0])
@@ -182,25 +189,18 @@ def refit_beside(
 
     offset, amplitude = tones.offset.copy(), tones.amplitude.copy()
     for _ in range(_NUM_REFITS):
-        across, along = (_in_cells(steps[axis], offset[stronger, axis], windows[axis]) for axis in (0, 1))
-        lobes = across[:, :, None] * (along.conj() if is_conjugate else along)[:, None]
-        leaked = np.zeros((len(refitted), *amplitude.shape[1:], *num_cells), dtype=np.complex128)
-        np.add.at(leaked, index, amplitude[stronger, :, None, None] * lobes[:, None])
-        alone = (around - leaked.swapaxes(0, 1)).astype(cells.dtype).reshape(len(cells), -1, num_cells[1])
+        across, along = (
+            np.take_along_axis(np.vander(offset[stronger, axis], _DEGREE + 1, increasing=True) @ lobes, places, axis=1)
+            for axis, (lobes, places) in enumerate(zip(axes.lobes, [step + _FARTHEST for step in steps], strict=True))
+        )
+        pairs = amplitude[stronger, :, None, None] * (across[:, :, None] * along[:, None])[:, None]
+        leaked = np.add.reduceat(pairs, firsts).swapaxes(0, 1)  # of all stronger tones of each
+        alone = (around - leaked).astype(cells.dtype).reshape(len(cells), -1, num_cells[1])
         found = fit(alone, middle, tones.offset[refitted], axes, is_cyclic=False)
         offset[refitted], amplitude[refitted] = found.offset, found.amplitude
     energy_gain, information = tones.energy_gain.copy(), tones.information.copy()
     energy_gain[refitted], information[refitted] = found.energy_gain, found.information
     return Fit(offset, amplitude, energy_gain, information)
-
-
-def _in_cells(cells: NDArray[np.intp], offset: NDArray[np.float64], window: NDArray[np.float64]) -> NDArray[Any]:
-    """Tones of amplitude 1 in cells (tone, cell) along an axis, counted from their middle cells."""
-    length, farthest = len(window), 4 * REACH
-    n = np.arange(length)
-    tones = np.exp(2j * np.pi / length * np.multiply.outer(offset, n - np.average(n, weights=window))) * window
-    spectra = product(tones, _transform(length, 2 * farthest + 1, farthest))
-    return np.asarray(np.take_along_axis(spectra, cells + farthest, axis=1))
 
 
 @lru_cache(maxsize=16)
