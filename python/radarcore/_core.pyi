@@ -85,10 +85,11 @@ def reflectance(
 def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
     """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""
 
-def receive(ideal: NDArray[Any], *, output: str, deviation: float, seed: int, start: float) -> NDArray[Any]:
-    """Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or "real" parts.
+def receive(ideal: NDArray[Any], *, output: str, deviation: float, seeds: list[int], start: float) -> NDArray[Any]:
+    """Deliver the samples of ideal cubes with white noise: "iq" in the memory of the ideal ones, or "real" parts.
 
-    `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
+    One after the other along the first axis, one per seed. `deviation`: of every real number. The noise
+    belongs to the seed and to the start of the frame [s].
     """
 
 def local_maxima(power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
@@ -440,6 +441,16 @@ class Simulator:
         """The frame of a motion at Chebyshev times of the frame; `rates`: its derivatives if all times are the same.
 
         None where the motion needs more times.
+        """
+    def worlds(
+        self, own: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
+    ) -> IdealFrame | None:
+        """Frames of worlds that differ in their motion alone.
+
+        `own`: poses (time, body + 1, 3, 4) of bodies and sensor, and `points` (time, point, 3), as for `Placement`.
+        `moved`: poses (time, world, n, 3, 4) that take their place, for `rows` of bodies, sensor and points in this
+        order. Samples (world, channel, chirp, sample), truth (4, world * body), and counts of all; None where a motion
+        needs more times.
         """
     def paths(
         self, motion: Placement, at: Placement, rates_at: Placement

@@ -16,16 +16,17 @@ pub(super) enum Ideal<'py> {
     Double(Bound<'py, PyArray3<Complex<f64>>>),
 }
 
-/// Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or their "real" parts.
+/// Deliver the samples of ideal cubes, one after the other along the first axis and each with a seed of its own, with
+/// white noise: "iq" in the memory of the ideal ones, or their "real" parts.
 ///
 /// `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
-#[pyfunction(signature = (ideal, *, output, deviation, seed, start))]
+#[pyfunction(signature = (ideal, *, output, deviation, seeds, start))]
 pub(super) fn receive<'py>(
     py: Python<'py>,
     ideal: Ideal<'py>,
     output: &str,
     deviation: f64,
-    seed: u64,
+    seeds: Vec<u64>,
     start: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     if !(deviation >= 0.0 && deviation.is_finite()) {
@@ -36,7 +37,19 @@ pub(super) fn receive<'py>(
         "iq" => false,
         _ => return Err(Error::value("output", "'iq' or 'real'", format!("{output:?}")).into()),
     };
-    let noise = Noise::new(deviation, seed, start);
+    let length = match &ideal {
+        Ideal::Single(cube) => cube.shape()[0],
+        Ideal::Double(cube) => cube.shape()[0],
+    };
+    if seeds.is_empty() || length % seeds.len() != 0 {
+        return Err(Error::value(
+            "seeds",
+            format!("a divisor of {length}, the length of ideal"),
+            seeds.len(),
+        )
+        .into());
+    }
+    let noise = Noise::new(deviation, seeds, start);
     match ideal {
         Ideal::Single(cube) => deliver(py, cube, is_real, &noise),
         Ideal::Double(cube) => deliver(py, cube, is_real, &noise),
@@ -47,7 +60,7 @@ pub(super) fn receive<'py>(
 #[pyfunction(signature = (num, *, seed, start))]
 pub(super) fn normal(py: Python<'_>, num: usize, seed: u64, start: f64) -> PyResult<Bound<'_, PyArray1<f32>>> {
     fits_memory("num", &[num], size_of::<f32>())?;
-    let noise = Noise::new(1.0, seed, start);
+    let noise = Noise::new(1.0, vec![seed], start);
     let numbers = py.detach(|| {
         let mut numbers = vec![0.0; num];
         noise.add(&mut numbers);
@@ -56,26 +69,29 @@ pub(super) fn normal(py: Python<'_>, num: usize, seed: u64, start: f64) -> PyRes
     Ok(numbers.into_pyarray(py))
 }
 
-/// White noise of a frame.
+/// White noise of frames, each with a seed.
 struct Noise {
     deviation: f64,
-    seed: u64,
+    seeds: Vec<u64>,
     stream: u64,
 }
 
 impl Noise {
-    fn new(deviation: f64, seed: u64, start: f64) -> Self {
+    fn new(deviation: f64, seeds: Vec<u64>, start: f64) -> Self {
         Self {
             deviation,
-            seed,
+            seeds,
             // The bits of -0.0 differ from 0.0.
             stream: (start + 0.0).to_bits(),
         }
     }
 
     fn add<T: Real>(&self, samples: &mut [T]) {
-        if self.deviation > 0.0 {
-            add_normal(Level::best(), samples, self.deviation, self.seed, self.stream);
+        if self.deviation > 0.0 && !samples.is_empty() {
+            let frames = samples.chunks_mut(samples.len() / self.seeds.len());
+            for (frame, seed) in frames.zip(&self.seeds) {
+                add_normal(Level::best(), frame, self.deviation, *seed, self.stream);
+            }
         }
     }
 }

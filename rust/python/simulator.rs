@@ -6,11 +6,12 @@ use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyUntypedArrayMethods,
+    PyReadonlyArray4, PyReadonlyArray5, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use rayon::ThreadPool;
+use rayon::prelude::*;
 
 use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
@@ -22,6 +23,7 @@ use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::frame::{self, Answer, FrameCounts, Memory, Model, Source};
+use crate::geometry::pose::Pose;
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::surface_image::SurfaceImage;
@@ -181,6 +183,33 @@ pub(super) struct IdealFrame {
     plan: String,
 }
 
+impl IdealFrame {
+    fn new(
+        py: Python<'_>,
+        cube: Bound<'_, PyAny>,
+        truth: Option<Bound<'_, PyArray2<f64>>>,
+        counts: FrameCounts,
+    ) -> PyResult<Self> {
+        let nodes = &counts.node_times;
+        Ok(Self {
+            cube: cube.unbind(),
+            truth: truth.map(Bound::unbind),
+            farthest: counts.farthest,
+            series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
+            bounce_error: counts.bounce_error(),
+            rcs_floor: counts.rcs_floor,
+            counts: dict_of_counts(py, &counts)?.unbind(),
+            fast_varying: counts.fast_varying,
+            stage_times: counts.times,
+            plan: if counts.plan.is_empty() {
+                "no paths".to_owned()
+            } else {
+                counts.plan.join("\n")
+            },
+        })
+    }
+}
+
 /// Counts of rays, hits, tiles, paths and velocity rows, by name.
 fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
     let mut all = vec![
@@ -218,6 +247,8 @@ type SimulatedPaths<'py> = (
 pub(super) struct Simulator {
     model: Model,
     memory: Mutex<Memory>,
+    /// Of every world of `worlds`.
+    memories: Mutex<Vec<Memory>>,
     /// Request to stop the run in progress.
     in_progress: Mutex<Option<Arc<Cancel>>>,
     threads: Option<usize>,
@@ -258,6 +289,7 @@ impl Simulator {
         Ok(Self {
             model,
             memory: Mutex::default(),
+            memories: Mutex::default(),
             in_progress: Mutex::default(),
             threads,
             own_pool: own_pool.map(Arc::new),
@@ -274,7 +306,7 @@ impl Simulator {
         rates: Option<PyRef<'_, Placement>>,
     ) -> PyResult<Option<IdealFrame>> {
         let (motion, rates) = (&motion.0, rates.as_ref().map(|rates| &rates.0));
-        let simulated = self.run(py, |memory, cancel| {
+        let simulated = self.run(py, &self.memory, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
         let Answer::Done(frame) = simulated else {
@@ -287,26 +319,91 @@ impl Simulator {
         };
         let truth = frame.truth.map(|truth| {
             let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
-            PyResult::Ok(rows.into_pyarray(py).reshape([4, truth.len()])?.unbind())
+            PyResult::Ok(rows.into_pyarray(py).reshape([4, truth.len()])?)
         });
-        let counts = frame.counts;
-        let nodes = &counts.node_times;
-        Ok(Some(IdealFrame {
-            cube: cube.unbind(),
-            truth: truth.transpose()?,
-            farthest: counts.farthest,
-            series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
-            bounce_error: counts.bounce_error(),
-            rcs_floor: counts.rcs_floor,
-            counts: dict_of_counts(py, &counts)?.unbind(),
-            fast_varying: counts.fast_varying,
-            stage_times: counts.times,
-            plan: if counts.plan.is_empty() {
-                "no paths".to_owned()
-            } else {
-                counts.plan.join("\n")
-            },
-        }))
+        IdealFrame::new(py, cube, truth.transpose()?, frame.counts).map(Some)
+    }
+
+    /// Simulate the frames of worlds that differ in their motion alone, side by side. `own`: poses (time, body + 1, 3, 4)
+    /// of the bodies and the sensor, and `points` (time, point, 3), as for `Placement`; `moved`: poses (time, world, n, 3,
+    /// 4) that take their place, of the bodies `rows`: bodies, sensor and points are counted in this order. Samples
+    /// (world, channel, chirp, sample), truth (4, world * body), counts of all; None where a motion needs more times.
+    fn worlds(
+        &self,
+        py: Python<'_>,
+        own: PyReadonlyArray4<'_, f64>,
+        points: PyReadonlyArray3<'_, f64>,
+        moved: PyReadonlyArray5<'_, f64>,
+        rows: Vec<usize>,
+    ) -> PyResult<Option<IdealFrame>> {
+        let (times, number, placed) = (own.shape()[0], moved.shape()[1], rows.len());
+        let (bodies, of_time) = (own.shape()[1] - 1, Some(times));
+        let all = own.shape()[1] + points.shape()[1];
+        if number == 0 || times % 2 == 0 || rows.iter().any(|row| *row >= all) {
+            let expected = format!("worlds, an odd number of times, rows below {all}");
+            return Err(Error::value("moved", expected, format!("{:?}, {rows:?}", moved.shape())).into());
+        }
+        let own = self::poses(numbers("own", &own, [of_time, None, Some(3), Some(4)])?);
+        let points = self::points(numbers("points", &points, [of_time, None, Some(3)])?);
+        let moved = numbers("moved", &moved, [of_time, Some(number), Some(placed), Some(3), Some(4)])?;
+        let (moved, _) = moved.as_chunks::<12>();
+        let (all_poses, all_points) = (bodies + 1, points.len() / times);
+        let world_of = |world: usize| {
+            let (mut own, mut points) = (own.clone(), points.clone());
+            for time in 0..times {
+                for (column, &row) in rows.iter().enumerate() {
+                    let pose = Pose::from_rows(&moved[(time * number + world) * placed + column]);
+                    match row.checked_sub(all_poses) {
+                        None => own[time * all_poses + row] = pose,
+                        Some(point) => points[time * all_points + point] = pose.translation,
+                    }
+                }
+            }
+            let (sensor, poses): (Vec<_>, Vec<_>) = own
+                .chunks_exact(all_poses)
+                .map(|poses| (poses[bodies], &poses[..bodies]))
+                .unzip();
+            World {
+                sensor,
+                poses: poses.concat(),
+                points,
+                vertices: Vec::new(),
+            }
+        };
+        let frames = self.run(py, &self.memories, |memories, cancel| {
+            memories.resize_with(number, Memory::default);
+            let frames = memories.par_iter_mut().enumerate();
+            let frames =
+                frames.map(|(world, memory)| frame::simulate(&self.model, &world_of(world), None, memory, cancel));
+            frames.collect::<Result<Vec<_>>>()
+        })?;
+        let (mut single, mut double) = (Vec::new(), Vec::new());
+        let mut truths = Vec::new();
+        let mut counts: Option<FrameCounts> = None;
+        for answer in frames {
+            let Answer::Done(frame) = answer else {
+                return Ok(None);
+            };
+            match frame.cube {
+                Samples::Single(samples) => single.extend(samples),
+                Samples::Double(samples) => double.extend(samples),
+            }
+            truths.push(frame.truth.unwrap_or_default());
+            counts = Some(counts.map_or_else(|| frame.counts.clone(), |before| before.and(frame.counts.clone())));
+        }
+        let [channels, chirps, samples] = self.model.shape();
+        let shape = [number, channels, chirps, samples];
+        let cube = if double.is_empty() {
+            single.into_pyarray(py).reshape(shape)?.into_any()
+        } else {
+            double.into_pyarray(py).reshape(shape)?.into_any()
+        };
+        let rows = (0..4).flat_map(|row| truths.iter().flatten().map(move |body| body[row]));
+        let truth = rows
+            .collect::<Vec<f64>>()
+            .into_pyarray(py)
+            .reshape([4, truths.iter().flatten().count()])?;
+        IdealFrame::new(py, cube, Some(truth), counts.unwrap_or_default()).map(Some)
     }
 
     /// Stop the run in progress in another thread, if there is one: it ends between two stages, with an error.
@@ -327,7 +424,7 @@ impl Simulator {
         rates_at: PyRef<'_, Placement>,
     ) -> PyResult<SimulatedPaths<'py>> {
         let (frame, at) = (&motion.0, (&at.0, &rates_at.0));
-        let paths = self.run(py, |memory, cancel| {
+        let paths = self.run(py, &self.memory, |memory, cancel| {
             frame::paths(&self.model, frame, at, memory, cancel)
         })?;
         let shape = [self.model.array.num_channels(), paths.body.len()];
@@ -345,7 +442,9 @@ impl Simulator {
         let at = &at.0;
         image_arrays(
             py,
-            self.run(py, |memory, cancel| frame::image(&self.model, at, memory, cancel))?,
+            self.run(py, &self.memory, |memory, cancel| {
+                frame::image(&self.model, at, memory, cancel)
+            })?,
         )
     }
 
@@ -358,14 +457,21 @@ impl Simulator {
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let at = &at.0;
         let points = self::points(numbers("points", &points, [None, Some(3)])?);
-        let is_occluded = self.run(py, |memory, _| frame::occluded(&self.model, at, &points, memory))?;
+        let is_occluded = self.run(py, &self.memory, |memory, _| {
+            frame::occluded(&self.model, at, &points, memory)
+        })?;
         Ok(is_occluded.into_pyarray(py))
     }
 }
 
 impl Simulator {
     /// Run a function on the threads of the simulator, without the interpreter, until Ctrl-C.
-    fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
+    fn run<M: Send, T: Send>(
+        &self,
+        py: Python<'_>,
+        memory: &Mutex<M>,
+        work: impl FnOnce(&mut M, &Cancel) -> Result<T> + Send,
+    ) -> PyResult<T> {
         let pool = match &self.own_pool {
             Some(own) => own.clone(),
             None => pool(self.threads)?,
@@ -373,7 +479,7 @@ impl Simulator {
         let cancel = Arc::new(Cancel::default());
         // A second thread of the interpreter waits here for the first.
         py.detach(|| {
-            let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut memory = memory.lock().unwrap_or_else(PoisonError::into_inner);
             let in_progress = |run| {
                 *self.in_progress.lock().unwrap_or_else(PoisonError::into_inner) = run;
             };

@@ -15,7 +15,7 @@ CUBE = (np.arange(48.0) - 1j * np.arange(48.0)).reshape(2, 3, 8)
 
 
 def receive(ideal: Any, output: str = "iq", deviation: float = 0.0, seed: int = 1, start: float = 0.5) -> NDArray[Any]:
-    return _core.receive(ideal, output=output, deviation=deviation, seed=seed, start=start)
+    return _core.receive(ideal, output=output, deviation=deviation, seeds=[seed], start=start)
 
 
 @pytest.mark.parametrize("dtype", ["complex64", "complex128"])

@@ -300,14 +300,14 @@ def test_recorded_frames_are_the_frames(tmp_path: Path) -> None:
 
 
 def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sim, received = small(), chain.receive
+    sim, received = small(), chain.receive_all
 
     def interrupted(ideal: Any, radar: rc.Radar, start: float, **options: Any) -> Any:
         if start > 0.06:
             raise KeyboardInterrupt
         return received(ideal, radar, start, **options)
 
-    monkeypatch.setattr(chain, "receive", interrupted)
+    monkeypatch.setattr(chain, "receive_all", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sim.record(0.0, 1.0, 40.0, progress=False, path=tmp_path / "rec")
     monkeypatch.undo()

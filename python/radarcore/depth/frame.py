@@ -189,7 +189,7 @@ def frame_from_depth(
     for ideal in ideals:
         warnings.unresolved(ideal)
     arriving = [at_receivers(ideal.cube, part) for ideal, part in zip(ideals, sequences, strict=True)]
-    cube, use = received(arriving, sequences, start, seed=settings.seed)
+    cube, use = received(arriving, sequences, start, seeds=[settings.seed])
 
     # Statistics and truth.
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())

@@ -22,19 +22,26 @@ from radarcore.receive.phase_noise import phase_differences
 def receive(
     ideal: NDArray[Any], radar: Radar, start: float, *, seed: int, uses: list[adc.Use] | None = None
 ) -> NDArray[Any]:
-    """Cube as the radar's receiver delivers it, in the precision of the ideal one, whose memory it takes over.
+    """Cube as the radar's receiver delivers it, see `receive_all`."""
+    return receive_all(ideal, radar, start, seeds=[seed], uses=uses)
+
+
+def receive_all(
+    ideal: NDArray[Any], radar: Radar, start: float, *, seeds: list[int], uses: list[adc.Use] | None = None
+) -> NDArray[Any]:
+    """Cubes as the radar's receiver delivers them, in the precision of the ideal ones, whose memory they take over.
 
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
 
     Parameters
     ----------
     ideal : (channel, chirp, sample) complex64 or complex128
-        Beat signal of the core: after the filters, with phase noise appended as its parts by delay, see
-        `radarcore.receive.filters.responses`.
+        Beat signals of the core: after the filters, with phase noise appended as its parts by delay, see
+        `radarcore.receive.filters.responses`. One after the other, one per seed.
     radar : Radar
     start : float
-        Start of the frame [s].
-    seed : int
+        Start of the frames [s].
+    seeds : list of int
     uses : list, optional
         The use of the ADC's range is appended if the receiver has a full scale.
     """
@@ -42,7 +49,11 @@ def receive(
     if is_plain(receiver):
         # White noise of an I/Q receiver has half of its power in either part.
         variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
-        return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
+        return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seeds=seeds, start=start)
+    if len(seeds) > 1:
+        parts = zip(np.split(ideal, len(seeds)), seeds, strict=True)
+        return np.concatenate([receive(part, radar, start, seed=seed, uses=uses) for part, seed in parts])
+    (seed,) = seeds
     draws = RandomStreams(seed, start)
     signal = _mixed(ideal, receiver, radar, draws)
     if receiver.output == "real":
@@ -53,24 +64,26 @@ def receive(
 
 
 def received(
-    samples: Sequence[NDArray[Any]], sequences: Sequence[Radar], start: float, *, seed: int
+    samples: Sequence[NDArray[Any]], sequences: Sequence[Radar], start: float, *, seeds: list[int]
 ) -> tuple[NDArray[Any], adc.Use | None]:
-    """Cube of a frame as the receivers deliver it, (channel, chirp, sample), and its use of the ADC's range.
+    """Cubes of frames as the receivers deliver them, (channel, chirp, sample), and their use of the ADC's range.
 
     Parameters
     ----------
     samples : sequence of arrays
-        Samples at the receivers, of every sub-sequence.
+        Samples at the receivers, of every sub-sequence; of several frames one after the other along the first axis.
     sequences : sequence of Radar
         Of the same sub-sequences.
     start : float
-        Start of the frame [s].
-    seed : int
+        Start of the frames [s].
+    seeds : list of int
+        One per frame.
     """
     parts: list[NDArray[Any]] = []
     uses: list[adc.Use] = []
     for number, (arriving, part) in enumerate(zip(samples, sequences, strict=True)):
-        parts.append(receive(arriving, part, start, seed=(seed + number * GOLDEN) % 2**64, uses=uses))
+        own = [(seed + number * GOLDEN) % 2**64 for seed in seeds]
+        parts.append(receive_all(arriving, part, start, seeds=own, uses=uses))
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), adc.use_of_all(uses) if uses else None
 
 

@@ -64,6 +64,11 @@ class Placement:
             placements.append(self._core_placement(poses[frame], self._points(times[frame]), vertices))
         return placements
 
+    def own(self, num_times: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Times of a frame that starts at 0 [s], and there poses as of `poses_at` and positions of points."""
+        times = self._waveform.delay_times(num_times)
+        return times, np.ascontiguousarray(self.poses_at(times)), self._points(times)
+
     def poses_at(self, times: ArrayLike) -> NDArray[np.float64]:
         """Poses to the world at times [s], (time, body + 1, 3, 4): of the bodies with meshes, then of the sensor."""
         return self._motions.poses_at(np.asarray(times))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from os import PathLike
@@ -20,7 +20,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
 from radarcore.receive.chain import received
-from radarcore.recording.frame import Frame, adc_codes, frame_of, truth_of_rows
+from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth, adc_codes, frame_of, truth_of_rows
 from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
 from radarcore.records import sealed
@@ -34,6 +34,7 @@ from radarcore.simulate.settings import Settings, changed_settings, frame_times
 from radarcore.simulate.side_by_side import Ask, directly, in_order
 from radarcore.simulate.view import Angles, is_outside, whole_tiles
 from radarcore.simulate.warnings import Warnings
+from radarcore.simulate.worlds import Placements, Worlds
 from radarcore.units import html_table
 
 Engines = list[_core.Simulator]
@@ -298,6 +299,80 @@ class Simulator(Settings):
                 writer.append(frame)
         return Recording.load(path)
 
+    def worlds(
+        self,
+        poses: ArrayLike,
+        *,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        bodies: Sequence[str] | None = None,
+    ) -> Worlds:
+        """Frames of many worlds at once, which differ in the places of bodies and radar: for reinforcement learning.
+
+        All worlds share one call of the core and all threads, and each keeps what did not move since the call before.
+        Their samples are to the bit those of `frame` at time 0 of a scene with `Linear` motions; the noise of world n
+        is that of ``seed + n``.
+
+        Parameters
+        ----------
+        poses : (world, body, 4, 4) or (world, body, 3, 4) array_like
+            Body to world at the start of the frame; of point targets the position counts. One body more than `bodies`:
+            the last is the radar.
+        velocities, angular_velocities : (world, body, 3) array_like, optional
+            Of the same bodies, in world axes, about their origins [m/s], [rad/s]. Default: zero.
+        bodies : sequence of str, optional
+            Names of the bodies of `poses`; the others move as in the scene. Default: all, in the order of the scene.
+
+        Returns
+        -------
+        Worlds
+            Samples (world, channel, chirp, sample), and the truth.
+
+        Raises
+        ------
+        ValueError
+            For shapes that do not fit; for a scene with deforming bodies or interferers; for a radar whose frame is a
+            single sample; at the first call, for antennas at or in a body, as in `frame`.
+
+        See Also
+        --------
+        Simulator.frame : One world.
+        range_doppler : Maps of all worlds at once.
+
+        Examples
+        --------
+        >>> ball = rc.Body(rc.shapes.sphere(0.1), name="ball")
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16), sampling="fast")
+        >>> poses = np.tile(np.eye(4), (3, 1, 1, 1))
+        >>> poses[:, 0, 0, 3] = [1.0, 2.0, 3.0]
+        >>> worlds = simulator.worlds(poses)
+        >>> worlds.cube.shape, worlds.truth.range[:, 0].round(2).tolist()
+        ((3, 3, 16, 128), [0.9, 1.9, 2.9])
+        """
+        names = self.scene.names if bodies is None else tuple(bodies)
+        placements = Placements(self.scene, poses, velocities, angular_velocities, names)
+        if self._placement.duration == 0.0:
+            raise ValueError("worlds: expected a radar whose frames have several samples; `frame` takes a single one")
+        ideals: list[_core.IdealFrame] = []
+        arriving: list[NDArray[Any]] = []
+        for engine, placement, radar in zip(self._engines, self._placements, self._sequences, strict=True):
+            num_times, ideal = NUM_TIMES, None
+            while ideal is None:
+                times, own, points = placement.own(num_times)
+                moved = placements.at(times)
+                self._warnings.before_first_worlds(own[0], points[0], moved[0], placements.rows)
+                ideal, num_times = engine.worlds(own, points, moved, placements.rows), 2 * num_times - 1
+            ideals.append(ideal)
+            arriving.append(at_receivers(ideal.cube.reshape(-1, *ideal.cube.shape[2:]), radar))
+        seeds = [(self.seed + world) % 2**64 for world in range(placements.number)]
+        cube, use = received(arriving, self._sequences, 0.0, seeds=seeds)
+        rows = self._checked_truth(ideals, use)
+        truth = object.__new__(Truth)
+        shape = (placements.number, len(self.scene.names))
+        fields = (values.reshape(shape) for values in check.frozen(rows))
+        vars(truth).update(zip(TRUTH_FIELDS, fields, strict=True), names=self.scene.names)
+        return Worlds(cube.reshape(placements.number, -1, *cube.shape[1:]), truth)
+
     def paths(self, time: float | None = None) -> Paths:
         """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them, per TX-RX pair.
 
@@ -427,7 +502,7 @@ class Simulator(Settings):
                 counts.append(self._interferences[number].add_to(samples, engine, placed.start, ask))
             ideals.append(ideal)
             arriving.append(samples)
-        cube, use = received(arriving, self._sequences, placed.start, seed=self.seed)
+        cube, use = received(arriving, self._sequences, placed.start, seeds=[self.seed])
         return Simulated(placed.start, ideals, cube, counted(counts) if counts else {}, use)
 
     def _deliver(self, simulated: Simulated) -> Frame:
@@ -436,28 +511,35 @@ class Simulator(Settings):
         stats = counts_of(ideals) | {"field_of_view_deg": self.view_deg} | interference
         if use is not None and self.radar.receiver is not None:
             stats |= use.stats(self.radar.receiver)
+        if interference:
+            self._warnings.strong_interferer(interference["strongest_interferer"])
+        truth = truth_of_rows(self.scene.names, self._checked_truth(ideals, use))
+        return frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
+
+    def _checked_truth(self, ideals: list[_core.IdealFrame], use: Use | None) -> NDArray[np.float64]:
+        """Truth (field, body) of a frame, or of one world after the other, after warnings of what does not hold."""
+        if use is not None:
             self._warnings.unsuitable_gain(use)
         for ideal in ideals:
             self._warnings.unresolved(ideal)
-        self._warnings.unsplit_cells(stats.get("cells_not_split", 0))
-        if interference:
-            self._warnings.strong_interferer(interference["strongest_interferer"])
+        self._warnings.unsplit_cells(sum(ideal.counts.get("cells_not_split", 0) for ideal in ideals))
         rows = ideals[0].truth
         assert rows is not None  # as every scene has one
         self._hide_points(rows)
         self._warnings.too_fast(rows[1])
-        truth = truth_of_rows(self.scene.names, rows)
-        return frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
+        return rows
 
     def _hide_points(self, rows: NDArray[np.float64]) -> None:
         """Set the truth (field, body) of point targets outside of the field of view to NaN, as for bodies."""
-        numbers = self.scene.parts.point_numbers
-        if len(numbers) == 0:
+        if len(self.scene.parts.point_numbers) == 0:
             return
+        # Of several worlds one after the other.
+        firsts = np.arange(0, rows.shape[1], len(self.scene.names))
+        numbers = np.add.outer(firsts, self.scene.parts.point_numbers).ravel()
         directions = unit_vectors(*rows[2:, numbers])
         lost = is_outside(directions[:, None], self.view_deg)
         if lost.any() and self.field_of_view_deg is not None:
-            names = [self.scene.names[number] for number in numbers[lost]]
+            names = [self.scene.names[number % len(self.scene.names)] for number in numbers[lost]]
             self._warnings.points_out_of_view(names, directions[lost], self.field_of_view_deg)
         rows[:, numbers[lost]] = np.nan
 

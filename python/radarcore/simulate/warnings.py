@@ -129,6 +129,25 @@ class Warnings:
         self._reflectors_from_behind(placement, time)
         self._given.add("first frame")
 
+    def before_first_worlds(
+        self, poses: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
+    ) -> None:
+        """Refuse antennas inside of a body or at its surface at the start of any of the first worlds; warn of meshes.
+
+        Arguments as the core takes them, at one time.
+        """
+        if "first worlds" in self._given:
+            return
+        self.unknown_materials()
+        self._empty_meshes()
+        for world in moved:
+            placed = np.zeros((len(poses) + len(points), 3, 4))
+            placed[: len(poses)], placed[len(poses) :, :, 3] = poses, points
+            placed[rows] = world
+            own, targets = placed[: len(poses)], placed[len(poses) :, :, 3]
+            check_antennas(self._scene, own, self._radar, 0.0, points=targets, name="poses")
+        self._given.add("first worlds")
+
     def unknown_materials(self) -> None:
         """Warn of materials at frequencies for which they are not known."""
         if "materials" not in self._given:
@@ -184,8 +203,8 @@ class Warnings:
         wf, limit, speeds = self._radar.waveform, self._radar.max_velocity, np.abs(range_rates)
         # NaN of bodies that no ray hit is not beyond the limit.
         if wf.num_chirps > 1 and wf.has_uniform_chirps and (speeds > limit).any():
-            fastest = int(np.nanargmax(speeds))
-            self._warn("velocity", name=self._scene.names[fastest], speed=speeds[fastest], limit=limit)
+            fastest, names = int(np.nanargmax(speeds)), self._scene.names
+            self._warn("velocity", name=names[fastest % len(names)], speed=speeds[fastest], limit=limit)
 
     def overlapping_frames(self, rate: float) -> None:
         """Warn of frames that overlap at a rate [Hz]."""
@@ -305,12 +324,19 @@ class Warnings:
 
 
 def check_antennas(
-    scene: Scene, poses: NDArray[np.float64], radar: Radar, time: float, *, name: str = "radar_motion"
+    scene: Scene,
+    poses: NDArray[np.float64],
+    radar: Radar,
+    time: float,
+    *,
+    points: NDArray[np.float64] | None = None,
+    name: str = "radar_motion",
 ) -> None:
     """Refuse a surface or a point at an antenna when a run begins, at a time [s]; `name` is what places the radar.
 
     The antennas must not be inside a body, unless it is large enough to be a room around them. `poses` of the bodies
-    with meshes and of the sensor at that time, (body + 1, 3, 4), to the world.
+    with meshes and of the sensor at that time, (body + 1, 3, 4), to the world; `points`: positions of the point
+    targets, by default of the scene.
     """
     antennas = np.concatenate([radar.tx, radar.rx])
     parts, sensor = scene.parts, poses[-1]
@@ -331,7 +357,7 @@ def check_antennas(
                 f"{name}: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
                 f"got them inside {scene.names[number]!r}"
             )
-    points = parts.positions + time * parts.velocities
+    points = parts.positions + time * parts.velocities if points is None else points
     for point, number in zip(points, parts.point_numbers, strict=True):
         _check_gap(float(np.linalg.norm(point - world, axis=1).min()), name, scene.names[number])
 
