@@ -1,7 +1,8 @@
 """Error of whole frames against closed forms and dense integration, and what finer sampling costs.
 
     python benches/accuracy.py            print the tables
-    python benches/accuracy.py --write    also write benches/results/accuracy.md, docs/accuracy.md and its picture
+    python benches/accuracy.py --write    also write benches/results/accuracy.*, docs/accuracy.md and its picture
+    python benches/accuracy.py --picture  draw the picture of the results again
     python benches/accuracy.py --tiny     run everything once on few rays
 
 Real meshes need the extra `robots`: pip install radarcore[robots]. Without it their sections say so.
@@ -13,7 +14,7 @@ import argparse
 import io
 from itertools import product
 
-from page import ACCURACY, DOCS, machine, table
+from page import ACCURACY, DOCS, POINTS, machine, table
 from proof import embree
 from proof.bounds import (
     DENSE,
@@ -29,7 +30,15 @@ from proof.bounds import (
     surface_bounds,
     unheld_lines,
 )
-from proof.convergence import WITHIN_MS, mesh_points, picture, single_points, time_rows
+from proof.convergence import (
+    WITHIN_MS,
+    mesh_points,
+    picture,
+    read_points,
+    single_points,
+    time_rows,
+    write_points,
+)
 from proof.corners import FAR, corner_results, corner_rows, near_rows, null_db
 from proof.flat_surfaces import STRONG, flat_results, flat_rows
 from proof.measure import FULL, TINY, Run
@@ -68,11 +77,11 @@ and a cylinder are at most {curved_level} dB and {curved_phase} rad. This holds 
 for six turns of the radar by fractions of a pixel. All numbers are sampling errors against physical optics; mesh error
 is excluded.
 
-![Error against time, rays and settings]({picture})
+![Error against time and settings]({picture})
 
-*Error of the range profile against run time, number of rays and setting: `point` (one phasor per pixel, weighted by
-area), `footprint` (linear phase over each pixel) and `adaptive` (the default). `point` converges only where a pixel is
-less than a wavelength deep.*
+*Error of the range profile against run time and setting: `point` (one phasor per pixel, weighted by area), `footprint`
+(linear phase over each pixel) and `adaptive` (the default). `point` converges only where a pixel is less than a
+wavelength deep.*
 
 ## Bounds of the default setting
 
@@ -307,11 +316,20 @@ def embree_text(run: Run) -> str:
     return EMBREE_TEXT.format(tracer=tracer, arm=100.0 * arm.surface, human=100.0 * human.surface).strip()
 
 
+def write_picture() -> None:
+    """Draw the picture of the stored points."""
+    picture(read_points(POINTS)).savefig(PICTURE, dpi=100)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Error of frames against closed forms and dense integration.")
     parser.add_argument("--tiny", action="store_true", help="once, on few rays")
     parser.add_argument("--write", action="store_true", help="write both pages and the picture")
+    parser.add_argument("--picture", action="store_true", help="draw the picture of the results as they are")
     arguments = parser.parse_args()
+    if arguments.picture:
+        write_picture()
+        return
     run = TINY if arguments.tiny else FULL
     texts: dict[str, str] = {}
 
@@ -406,15 +424,16 @@ def main() -> None:
     default = table(columns[:-1], [row[:-1] for row in bound_rows(default_bounds(bounds))])
 
     largest = [bound for bound in bounds if bound.what.endswith("any turn and frequency")]
-    points, image = [*single_points(run), *mesh_points(meshes)], io.BytesIO()
+    points = [*single_points(run), *mesh_points(meshes)]
     show(
         "times", table(["target", "sampling", "reference", *(f"{most:g} ms" for most in WITHIN_MS)], time_rows(points))
     )
     # In a tiny run the columns of one target stand for all.
     drawn = points if run is FULL else [p for p in points if p.target == points[0].target]
-    picture(drawn).savefig(image, dpi=100)
+    picture(drawn).savefig(io.BytesIO(), dpi=100)
     if arguments.write:
-        PICTURE.write_bytes(image.getvalue())
+        write_points(POINTS, points)
+        write_picture()
         largest_of = {
             f"{kind}_{quantity}": f"{max(bound.measured):.2g}"
             for (kind, quantity), bound in zip(product(("flat", "curved"), ("level", "phase")), largest, strict=True)

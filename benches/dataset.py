@@ -1,6 +1,7 @@
 """Datasets: frames per second and core, against the simulator alone, size of a frame, and memory.
 
 python benches/dataset.py            print the tables
+python benches/dataset.py --write    also write the section of docs/datasets.md
 python benches/dataset.py --tiny     a few frames of each, and no table that means anything
 """
 
@@ -17,7 +18,7 @@ from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 from tempfile import TemporaryDirectory
 
 import radarcore as rc
-from page import machine, table
+from page import DOCS, machine, table, write_section
 from radarcore.dataset.making import Recipe, num_cores
 from radarcore.dataset.store import attributes_of, create, layout_of, samples_in_shard, writable, write_shard
 
@@ -218,17 +219,15 @@ def writing(folder: Path, tiny: bool) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tiny", action="store_true", help="a few frames of each")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/datasets.md")
     options = parser.parse_args()
+    texts = [f"{machine()}:"]
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        print(machine())
-        print(speeds(folder, options.tiny))
-        print()
-        print(scaling(folder, options.tiny))
-        print()
-        print(memory(folder, options.tiny))
-        print()
-        print(writing(folder, options.tiny))
+        for part in (speeds, scaling, memory, writing):
+            texts.append(part(Path(name), options.tiny))
+            print(texts[-1], end="\n\n", flush=True)
+    if options.write:
+        write_section(DOCS / "datasets.md", "dataset", "\n\n".join(texts))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """False-alarm rates, people near walls, errors and run time of detection, and the picture of docs/detection.md.
 
 python benches/detections.py                              print the numbers
+python benches/detections.py --write                      also write the section of docs/detection.md
 python benches/detections.py --picture docs/detection.png also draw a map with its detections
 python benches/detections.py --tiny                       a few frames each
 """
@@ -19,6 +20,7 @@ from scipy.special import gammainc, gammaincc, gammainccinv
 from scipy.stats import binomtest
 
 import radarcore as rc
+from page import DOCS, printed_into
 from radarcore import plot
 from radarcore.units import SPEED_OF_LIGHT
 
@@ -208,15 +210,17 @@ def picture(path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tiny", action="store_true")
+    parser.add_argument("--write", action="store_true")
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     number = 3 if arguments.tiny else 200
     if arguments.picture:
         picture(arguments.picture)
-    false_alarms(20_000 if arguments.tiny else 10**7)
-    frames_of_noise(number)
-    errors(number if arguments.tiny else 1000)
-    near_walls(*((1, 4) if arguments.tiny else (50, 40)))
+    with printed_into(DOCS / "detection.md", "detections", write=arguments.write):
+        false_alarms(20_000 if arguments.tiny else 10**7)
+        frames_of_noise(number)
+        errors(number if arguments.tiny else 1000)
+        near_walls(*((1, 4) if arguments.tiny else (50, 40)))
     times(number)
 
 

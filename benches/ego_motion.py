@@ -1,6 +1,7 @@
 """Frames of the demo in which the strongest peak is the person: as they are, and without what stands still.
 
     python benches/ego_motion.py            all 200 frames
+    python benches/ego_motion.py --write    also write the section of docs/ego-motion.md
     python benches/ego_motion.py --tiny     run everything once on two frames
 
 The demo's arm carries the radar at 250 mm/s towards a metal cylinder in a room, while a person walks in and out.
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
+from page import DOCS, printed_into
 from radarcore.cli.demo import scene_text
 
 RANGE_MARGIN, VELOCITY_MARGIN = 0.2, 0.3
@@ -64,7 +66,9 @@ def main() -> None:
     """Count and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tiny", action="store_true", help="run everything once on two frames")
-    recording, velocity = demo(2 if parser.parse_args().tiny else None)
+    parser.add_argument("--write", action="store_true", help="write the section of docs/ego-motion.md")
+    arguments = parser.parse_args()
+    recording, velocity = demo(2 if arguments.tiny else None)
     is_moving = np.linalg.norm(velocity, axis=1) >= MOVING
     began = time.perf_counter()
     filtered = rc.remove_static(recording, velocity)
@@ -72,15 +76,18 @@ def main() -> None:
     began = time.perf_counter()
     joint = rc.remove_static(recording, velocity, method="space-time")
     joint_elapsed = time.perf_counter() - began
-    print(f"strongest peak on the person        of {len(recording)} frames   of {is_moving.sum()} with a moving arm")
-    for name, one in (
-        ("unfiltered", recording),
-        ("mean of the chirps subtracted", rc.remove_static(recording, [0.0, 0.0, 0.0])),
-        ("remove_static", filtered),
-        ('remove_static, "space-time"', joint),
-    ):
-        found = is_on_person(one)
-        print(f"{name:<34}{found.sum():>11}{found[is_moving].sum():>16}")
+    with printed_into(DOCS / "ego-motion.md", "ego_motion", write=arguments.write):
+        print(
+            f"strongest peak on the person        of {len(recording)} frames   of {is_moving.sum()} with a moving arm"
+        )
+        for name, one in (
+            ("unfiltered", recording),
+            ("mean of the chirps subtracted", rc.remove_static(recording, [0.0, 0.0, 0.0])),
+            ("remove_static", filtered),
+            ('remove_static, "space-time"', joint),
+        ):
+            found = is_on_person(one)
+            print(f"{name:<34}{found.sum():>11}{found[is_moving].sum():>16}")
     each, joint_each = (1e3 * seconds / len(recording) for seconds in (elapsed, joint_elapsed))
     print(f'\nremove_static: {each:.1f} ms a frame; "space-time": {joint_each:.0f} ms')
 

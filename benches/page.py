@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import platform
-from collections.abc import Iterable
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 DOCS = Path(__file__).parent.parent / "docs"
 RESULTS = Path(__file__).parent / "results"
-PERFORMANCE, ACCURACY = RESULTS / "performance.md", RESULTS / "accuracy.md"
+PERFORMANCE, ACCURACY, POINTS = RESULTS / "performance.md", RESULTS / "accuracy.md", RESULTS / "accuracy.csv"
 
 
 def table(header: list[str], rows: Iterable[list[str]]) -> str:
@@ -24,6 +28,13 @@ def table(header: list[str], rows: Iterable[list[str]]) -> str:
     )
 
 
+def tables_of(text: str) -> list[list[dict[str, str]]]:
+    """Rows of all Markdown tables of a text, by the names of their columns."""
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, flags=re.MULTILINE)
+    grids = [[[cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()] for block in blocks]
+    return [[dict(zip(grid[0], row, strict=True)) for row in grid[2:]] for grid in grids]
+
+
 def milliseconds(seconds: float) -> str:
     return f"{1e3 * seconds:.3g}"
 
@@ -36,9 +47,31 @@ def machine() -> str:
     return f"{instructions or platform.machine()}, {os.cpu_count()} cores"
 
 
+def section_of(page: Path, bench: str) -> str:
+    """The section of one bench."""
+    found = page.read_text(encoding="utf-8").partition(f"<!-- benches/{bench}.py -->\n")[2]
+    return found.partition(f"<!-- end of benches/{bench}.py -->")[0]
+
+
 def write_section(page: Path, bench: str, text: str) -> None:
     """Replace the section of one bench."""
     page.write_text(with_section(page.read_text(encoding="utf-8"), bench, text), encoding="utf-8")
+
+
+@contextmanager
+def printed_into(page: Path, bench: str, *, write: bool) -> Iterator[None]:
+    """Print; with `write`, the same text also becomes the section of a bench."""
+
+    class Both(io.StringIO):
+        def write(self, text: str) -> int:
+            terminal.write(text)
+            return super().write(text)
+
+    terminal, kept = sys.stdout, Both()
+    with redirect_stdout(kept):
+        yield
+    if write:
+        write_section(page, bench, f"```text\n{kept.getvalue().strip()}\n```")
 
 
 def with_section(page: str, bench: str, text: str) -> str:

@@ -2,6 +2,7 @@
 
     python benches/pareto.py            print the tables
     python benches/pareto.py --write    also write its section of the results and the picture
+    python benches/pareto.py --picture  draw the picture of the results again
     python benches/pareto.py --tiny     run everything once on few paths
 
 The library, finufft, is optional: `pip install finufft==2.5.1`.
@@ -29,7 +30,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 import radarcore as rc
-from page import DOCS, PERFORMANCE, machine, milliseconds, table, write_section
+from page import DOCS, PERFORMANCE, machine, milliseconds, section_of, table, tables_of, write_section
 from radarcore import _core
 from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
 
@@ -553,47 +554,70 @@ def result_table(results: list[tuple[str, list[Method]]], *leave_out: str) -> st
 STYLES = {
     "auto": "o-C3",
     "direct": "DC0",
-    "C f64": "xC0",
+    "C f64": "sC7",
     "finufft 2-D f32": "^--C1",
     "finufft 2-D f64": "v--C1",
     "finufft 1-D f32": "^:C2",
     "finufft 1-D f64": "v:C2",
 }
 
+Row = dict[str, str]
 
-def picture(linear: list[tuple[str, list[Method]]], moving: list[tuple[str, list[Method]]]) -> Figure:
-    """Error against run time: three panels of linear delays, one of real motion."""
-    figure = Figure(figsize=(11.0, 8.5), layout="constrained")
-    axes = figure.subplots(2, 2).ravel()
-    for ax, (name, methods) in zip(axes[:3], linear[:3], strict=False):
-        for method_name, style in STYLES.items():
-            draw(ax, [m for m in methods if m.name == method_name], style, label=method_name)
-        ax.set_title(f"Linear delays, {name}")
-    for color, (name, methods) in enumerate(moving):
-        draw(axes[3], [m for m in methods if m.name == "auto"], f"o-C{color}", label=name)
-        draw(axes[3], [m for m in methods if m.name == "direct"], f"DC{color}")
+
+def picture(linear: list[Row], moving: list[Row]) -> Figure:
+    """Error against run time by the rows of the tables: three panels of linear delays, one of real motion."""
+    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True, sharey=True, subplot_kw={"xscale": "log", "yscale": "log"}).ravel()
+    cases = list(dict.fromkeys(row["case"] for row in linear))[:3]
+    for ax, case in zip(axes, cases, strict=False):
+        of_case = [row for row in linear if row["case"] == case]
+        for name, style in STYLES.items():
+            draw(ax, [row for row in of_case if row["method"] == name], style, label=name)
+        for base in [float(row["ms"]) for row in of_case if row["method"] == "C f64"]:
+
+            def ratio(ms: NDArray[np.float64], base: float = base) -> NDArray[np.float64]:
+                return base / np.maximum(ms, 1e-9)  # matplotlib asks for 0, too
+
+            faster = ax.secondary_xaxis("top", functions=(ratio, ratio))
+            faster.set_xlabel("times faster than the direct sum in C")
+            faster.xaxis.set_major_formatter("{x:g}")
+        ax.set_title(f"Linear delays, {case}")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(STYLES))
+    for color, case in enumerate(dict.fromkeys(row["case"] for row in moving)):
+        of_case = [row for row in moving if row["case"] == case]
+        draw(axes[3], [row for row in of_case if row["method"] == "auto"], f"o-C{color}", label=case)
+        draw(axes[3], [row for row in of_case if row["method"] == "direct"], f"DC{color}")
     axes[3].set_title("Real motion: auto (lines), direct (◇)")
+    axes[3].legend(fontsize=9)
     for ax in axes:
-        ax.set(xscale="log", yscale="log", xlabel="run time [ms]", ylabel="rms error / l2 of the amplitudes")
         ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter("")
         ax.grid(which="major", alpha=0.3)
-        if ax.has_data():  # a tiny run has one band alone
-            ax.legend(fontsize=8)
+    figure.supxlabel("run time [ms]")
+    figure.supylabel("rms error relative to the l2 norm of the amplitudes")
     return figure
 
 
-def draw(ax: Axes, methods: list[Method], style: str, **options: str) -> None:
-    if methods:
-        times = [1e3 * method.seconds for method in methods]
-        ax.plot(times, [method.error for method in methods], style, markerfacecolor="none", markersize=5, **options)
+def draw(ax: Axes, rows: list[Row], style: str, **options: str) -> None:
+    """Points of a method, unless another one is faster and more exact."""
+    points = sorted((float(row["ms"]), float(row["error"])) for row in rows)
+    best = [(time, error) for index, (time, error) in enumerate(points) if all(error < e for _, e in points[:index])]
+    ax.plot([time for time, _ in best], [error for _, error in best], style, markerfacecolor="none", **options)
+
+
+def write_picture() -> None:
+    """Draw the picture of the first two tables of the results."""
+    picture(*tables_of(section_of(PERFORMANCE, "pareto"))[:2]).savefig(PICTURE, dpi=110)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Error of the beat signal against run time.")
     parser.add_argument("--tiny", action="store_true", help="once, on few paths")
     parser.add_argument("--write", action="store_true", help="write the section of the results and the picture")
+    parser.add_argument("--picture", action="store_true", help="draw the picture of the results as they are")
     arguments = parser.parse_args()
+    if arguments.picture:
+        write_picture()
+        return
     run = TINY if arguments.tiny else FULL
 
     if finufft is None:
@@ -613,10 +637,8 @@ def main() -> None:
     call = overhead(run)
     print(call)
 
-    image = io.BytesIO()
-    picture(linear, moving).savefig(image, dpi=110)
+    picture(*tables_of(f"{linear_table}\n\n{moving_table}")).savefig(io.BytesIO(), dpi=110)
     if arguments.write:
-        PICTURE.write_bytes(image.getvalue())
         text = PAGE_TEXT.format(
             num_paths=f"{run.paths:,}".replace(",", " "),
             machine=machine(),
@@ -631,6 +653,7 @@ def main() -> None:
             overhead=call,
         )
         write_section(PERFORMANCE, "pareto", text)
+        write_picture()
 
 
 if __name__ == "__main__":

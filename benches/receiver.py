@@ -2,6 +2,7 @@
 
 python benches/receiver.py                        numbers of the model alone
 python benches/receiver.py RECORDING              beside a recording of an empty or quiet scene
+python benches/receiver.py RECORDING --write      also write the section of docs/receiver.md
 python benches/receiver.py RECORDING --picture    also draw docs/receiver.png
 python benches/receiver.py --tiny                 a few frames
 """
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
+from page import DOCS, printed_into
 from radarcore.receive.chain import receive
 from radarcore.receive.phase_noise import phase_density
 from radarcore.units import SPEED_OF_LIGHT
@@ -148,10 +150,10 @@ def frame_milliseconds(repeats: int) -> dict[str, float]:
 
 
 def print_table(columns: dict[str, Statistics]) -> None:
-    print(f"{'RX1 / RX2 / RX3':<44}" + "".join(f"{name:>26}" for name in columns))
+    print(f"{'RX1 / RX2 / RX3':<37}" + "".join(f"{name:>26}" for name in columns))
     for row, form in ROWS.items():
         cells = [" / ".join(form.format(value) for value in column.rows[row]) for column in columns.values()]
-        print(f"{row:<44}" + "".join(f"{cell:>26}" for cell in cells))
+        print(f"{row:<37}" + "".join(f"{cell:>26}" for cell in cells))
 
 
 def draw(columns: dict[str, Statistics], waveform: rc.Waveform, num_frames: int) -> None:
@@ -200,6 +202,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", nargs="?", help="of a BGT60TR13C at 23 dB and 80 kHz, three receivers")
     parser.add_argument("--picture", action="store_true", help="draw docs/receiver.png")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/receiver.md")
     parser.add_argument("--tiny", action="store_true", help="a few frames")
     options = parser.parse_args()
     columns, waveform, num_frames = (
@@ -215,16 +218,14 @@ def main() -> None:
         columns["recording"] = Statistics(recording.raw)
     columns["model"] = Statistics(simulated(measured_like(waveform), num_frames))
     columns["model, codes as measured"] = Statistics(simulated(measured_like(waveform, as_codes=True), num_frames))
-    print_table(columns)
-    if options.recording is not None:
-        ratios = {
-            row: 20.0 * np.log10(columns["model"].rows[row] / columns["recording"].rows[row]) for row in list(ROWS)[1:5]
-        }
-        for row, decibels in ratios.items():
+    with printed_into(DOCS / "receiver.md", "receiver", write=options.write):
+        print_table(columns)
+        for row in list(ROWS)[1:5] if "recording" in columns else ():
+            decibels = 20.0 * np.log10(columns["model"].rows[row] / columns["recording"].rows[row])
             print(f"{row}: model over recording " + " / ".join(f"{value:+.1f}" for value in decibels) + " dB")
-    found, formula = residual_phase(np.array([0.3, 1.2]), 1 if options.tiny else 20)
-    for distance, got, expected in zip((0.3, 1.2), found, formula, strict=True):
-        print(f"phase noise at {distance} m: {got:.4f} degrees, by the formula {expected:.4f}")
+        found, formula = residual_phase(np.array([0.3, 1.2]), 1 if options.tiny else 20)
+        for distance, got, expected in zip((0.3, 1.2), found, formula, strict=True):
+            print(f"phase noise at {distance} m: {got:.4f} degrees, by the formula {expected:.4f}")
     print(f"whole chain, 3 x 64 x 128 samples: {milliseconds(5 if options.tiny else 300):.2f} ms")
     frames = frame_milliseconds(1 if options.tiny else 30)
     print("frame of two bodies, one thread: " + ", ".join(f"{name} {ms:.1f} ms" for name, ms in frames.items()))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import radarcore as rc
+from page import DOCS, printed_into
 from radarcore.sensor import open_sensor
 from radarcore.sensor.bgt60.registers import start_words
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
@@ -92,7 +93,14 @@ def board_alone(radar: rc.Radar, num_frames: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tiny", action="store_true", help="once, quickly")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/sensor.md")
     options = parser.parse_args()
+    with printed_into(DOCS / "sensor.md", "sensor", write=options.write):
+        print_rates(options.tiny)
+
+
+def print_rates(is_tiny: bool) -> None:
+    """Rates of every kind of frame, and their ratios to a board."""
     print(f"{'frame [rx x chirp x sample]':<28} {'board':>8} {'cdc':>16} {'vendor':>16} {'driver':>16}")
     for name, (chirps, samples) in FRAMES.items():
         interval = 591.125e-6  # as at power-up
@@ -101,7 +109,7 @@ def main() -> None:
             num_chirps=chirps, num_samples=samples, chirp_interval=interval, frame_interval=frame_interval
         )
         board = 1.0 / achieved(Settings.from_radar(radar)).frame_time
-        number = 20 if options.tiny else max(200, round(40 * board))
+        number = 20 if is_tiny else max(200, round(40 * board))
         rates = [frames_per_second(transport, radar, number) for transport in ("cdc", "vendor")]
         rates.append(1.0 / max(1.0 / rates[0] - 1.0 / board_alone(radar, number), 1e-6))
         cells = [f"{rate:8.0f} {f'({rate / board:.0f} x)':>7}" for rate in rates]

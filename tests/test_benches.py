@@ -10,9 +10,11 @@ import pytest
 
 import radarcore as rc
 from meshes import room, sphere
-from page import with_section
+from page import section_of, table, tables_of, with_section
 from pareto import Method
 from proof.bounds import Bound, unheld_lines
+from proof.convergence import Point, read_points, write_points
+from proof.real_meshes import Way
 from rays import ratio, times_in
 
 PAGE = "# Speed\n\n<!-- benches/a.py -->\n\nold\n\n<!-- end of benches/a.py -->\n\nby hand\n"
@@ -53,6 +55,23 @@ def test_first_section_of_a_bench_comes_at_the_end() -> None:
     assert page == PAGE + "\n<!-- benches/b.py -->\n\n## Of b\n\n<!-- end of benches/b.py -->\n"
     assert with_section(page, "b", "## Of b\n") == page
     assert with_section(page, "a", "old") == page
+
+
+def test_tables_are_read_as_they_were_written(tmp_path: Path) -> None:
+    rows = [["a, 1 GHz", "1e-3"], ["b", "-"]]
+    text = f"Above:\n\n{table(['case', 'error'], rows)}\n\nand\n\n{table(['ms'], [['2.5']])}\n"
+    first, second = tables_of(text)
+    assert [list(row.values()) for row in first] == rows
+    assert second == [{"ms": "2.5"}]
+    page = tmp_path / "page.md"
+    page.write_text(with_section(PAGE, "b", text))
+    assert (section_of(page, "a").strip(), section_of(page, "b").strip()) == ("old", text.strip())
+
+
+def test_points_of_the_picture_of_accuracy_are_kept(tmp_path: Path) -> None:
+    points = [Point("ball, 10 cm", Way("adaptive", "floor", 1e-7), 0.125, 143178.0, 2.5e-3)]
+    write_points(tmp_path / "points.csv", points)
+    assert read_points(tmp_path / "points.csv") == points
 
 
 def test_section_without_an_end_is_refused() -> None:

@@ -1,9 +1,11 @@
-"""Error against time, against rays, and against the settings of every sampling: docs/accuracy.png and a table."""
+"""Error against time and against the settings of every sampling: a file, docs/accuracy.png and a table."""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -65,6 +67,25 @@ def point(target: str, rows: list[Sampled]) -> Point:
     )
 
 
+COLUMNS = ("target", "sampling", "setting", "value", "error", "rays", "time [s]")
+
+
+def write_points(path: Path, points: list[Point]) -> None:
+    """Write all points; the setting is pixels along a side, a floor [m²] or the default."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for p in points:
+            numbers = (f"{number:.6g}" for number in (p.way.number, p.error, p.rays, p.seconds))
+            writer.writerow((p.target, p.way.sampling, p.way.knob, *numbers))
+
+
+def read_points(path: Path) -> list[Point]:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    return [Point(row[0], Way(row[1], row[2], float(row[3])), *map(float, row[4:])) for row in rows]
+
+
 CURVES = {
     "point, by pixels": (("point", "pixels"), "s:", "C7"),
     "footprint, by pixels": (("footprint", "pixels"), "o-", "C0"),
@@ -93,51 +114,43 @@ TARGET_COLORS = ("C2", "C4", "C5", "C9")
 
 
 def picture(points: list[Point]) -> Figure:
-    """Rows: error against time, against rays, and against the settings."""
+    """Above: error against time by target; below: against the settings."""
     targets = list(dict.fromkeys(p.target for p in points))
-    figure = Figure(figsize=(3.75 * max(len(targets), 3), 11.5), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[2.0, 1.1])
-    axes = top.subplots(2, len(targets), squeeze=False, sharey=True)
-    for column, target in enumerate(targets):
-        of_target = [p for p in points if p.target == target]
+    figure = Figure(figsize=(3.0 * max(len(targets), 3), 8.0), layout="constrained")
+    top, bottom = figure.subfigures(2, 1)
+    axes = top.subplots(1, len(targets), squeeze=False, sharex=True, sharey=True)[0]
+    for ax, target in zip(axes, targets, strict=True):
         for label, (curve, style, color) in CURVES.items():
-            chosen = [p for p in of_target if (p.way.sampling, p.way.knob) == curve]
-            errors = [100.0 * p.error for p in chosen]
-            by_time, by_rays = axes[:, column]
-            draw(by_rays, [p.rays for p in chosen], errors, style, color, label)
-            draw(by_time, [1e3 * p.seconds for p in chosen], errors, style, color, label)
-        by_time.set(title=target, xlabel="time of a frame [ms]")
-        by_rays.set(xlabel="rays cast")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("error of the range profile [%]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    top.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=10)
+            chosen = [p for p in points if p.target == target and (p.way.sampling, p.way.knob) == curve]
+            draw(ax, [1e3 * p.seconds for p in chosen], chosen, style, color, label)
+        ax.set_title(target)
+        ax.xaxis.set_major_formatter("{x:g}")
+    top.supxlabel("time of a frame [ms]", fontsize="medium")
+    top.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(CURVES))
 
     by_pixels, by_floor = bottom.subplots(1, 2, sharey=True)
     for target, color in zip(targets, TARGET_COLORS, strict=False):
         for sampling, style in (("footprint", "o-"), ("point", "s:")):
             chosen = [p for p in points if p.target == target and p.way.sampling == sampling]
-            label = target if sampling == "footprint" else None
-            draw(by_pixels, [p.way.number for p in chosen], [100.0 * p.error for p in chosen], style, color, label)
+            draw(by_pixels, [p.way.number for p in chosen], chosen, style, color)
         chosen = [p for p in points if p.target == target and p.way.knob == "floor"]
-        draw(by_floor, [p.way.number for p in chosen], [100.0 * p.error for p in chosen], "D-", color, target)
-    by_pixels.set(
-        title="footprint (solid) and point (dotted)",
-        xlabel="pixels along a side of the image",
-        ylabel="error of the range profile [%]",
-    )
+        draw(by_floor, [p.way.number for p in chosen], chosen, "D-", color, target)
+    by_pixels.set(title="footprint (solid) and point (dotted)", xlabel="pixels along a side of the image")
     by_pixels.set_xscale("log", base=2)
     by_pixels.xaxis.set_major_formatter("{x:g}")
     by_floor.set(title="adaptive", xlabel="rcs_floor [m²]")
     by_floor.invert_xaxis()
-    for ax in (by_pixels, by_floor):
-        ax.legend(fontsize=9)
+    bottom.legend(*by_floor.get_legend_handles_labels(), loc="outside lower center", ncols=len(targets))
+    for ax in (axes[0], by_pixels):
+        ax.set_ylabel("error of the range profile [%]")
     return figure
 
 
-def draw(ax: Axes, x: list[float], errors: list[float], style: str, color: str, label: str | None = None) -> None:
-    ax.plot(x, errors, style, color=color, markerfacecolor="none", markersize=5, label=label)
+def draw(ax: Axes, x: list[float], points: list[Point], style: str, color: str, label: str | None = None) -> None:
+    is_default = style == "*"
+    size, face = (14, color) if is_default else (5, "none")
+    errors = [100.0 * p.error for p in points]
+    ax.plot(x, errors, style, color=color, markerfacecolor=face, markersize=size, label=label, zorder=3 + is_default)
     ax.set(xscale="log", yscale="log")
-    ax.xaxis.set_minor_formatter("")
-    ax.yaxis.set_minor_formatter("")
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.grid(which="major", alpha=0.3)
