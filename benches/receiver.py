@@ -222,10 +222,10 @@ def main() -> None:
         print_table(columns)
         for row in list(ROWS)[1:5] if "recording" in columns else ():
             decibels = 20.0 * np.log10(columns["model"].rows[row] / columns["recording"].rows[row])
-            print(f"{row}: model over recording " + " / ".join(f"{value:+.1f}" for value in decibels) + " dB")
+            print(f"{row.partition(' [')[0]}, model [dB]: " + " / ".join(f"{value:+.1f}" for value in decibels))
         found, formula = residual_phase(np.array([0.3, 1.2]), 1 if options.tiny else 20)
         for distance, got, expected in zip((0.3, 1.2), found, formula, strict=True):
-            print(f"phase noise at {distance} m: {got:.4f} degrees, by the formula {expected:.4f}")
+            print(f"phase noise at {distance} m [degrees]: {got:.4f}, formula {expected:.4f}")
     print(f"whole chain, 3 x 64 x 128 samples: {milliseconds(5 if options.tiny else 300):.2f} ms")
     frames = frame_milliseconds(1 if options.tiny else 30)
     print("frame of two bodies, one thread: " + ", ".join(f"{name} {ms:.1f} ms" for name, ms in frames.items()))
