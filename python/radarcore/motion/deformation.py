@@ -97,10 +97,17 @@ class DeformationFunction:
         Maps a time [s] to positions (n, 3) in body coordinates [m].
     num_vertices : int
         Vertices of the mesh.
+    velocities : callable, optional
+        Maps a time [s] to velocities (n, 3) [m/s]; default: differences as of a motion given by a function.
     """
 
-    def __init__(self, vertices: Callable[[float], ArrayLike], num_vertices: int) -> None:
-        self._vertices = vertices
+    def __init__(
+        self,
+        vertices: Callable[[float], ArrayLike],
+        num_vertices: int,
+        velocities: Callable[[float], ArrayLike] | None = None,
+    ) -> None:
+        self._vertices, self._velocities = vertices, velocities
         self.num_vertices: int = num_vertices
 
     def at(self, time: float) -> Vertices:
@@ -108,20 +115,23 @@ class DeformationFunction:
         return check.array(f"deformation at {time:g} s", self._vertices(time), (self.num_vertices, 3))
 
     def rate_at(self, time: float) -> Vertices:
-        """Velocities of the vertices at a time [s], (n, 3) [m/s]: differences as of a motion given by a function."""
-        return derivative(self.at, time)
+        """Velocities of the vertices at a time [s], (n, 3) [m/s]."""
+        if self._velocities is None:
+            return derivative(self.at, time)
+        return check.array(f"velocities at {time:g} s", self._velocities(time), (self.num_vertices, 3))
 
 
-def as_deformation(deformation: object, num_vertices: int) -> Deformation | DeformationFunction:
+AnyDeformation = Deformation | DeformationFunction
+
+
+def as_deformation(deformation: object, num_vertices: int) -> AnyDeformation:
     """The deformation of a mesh with a number of vertices, with functions wrapped, or an error."""
-    if isinstance(deformation, Deformation):
+    if isinstance(deformation, Deformation | DeformationFunction):
         if deformation.num_vertices != num_vertices:
             raise ValueError(
                 f"deformation: expected {num_vertices} vertices as the mesh has, got {deformation.num_vertices}"
             )
         return deformation
-    if isinstance(deformation, DeformationFunction):
-        return as_deformation(deformation._vertices, num_vertices)
     if callable(deformation):
         return DeformationFunction(deformation, num_vertices)
     raise TypeError(f"deformation: expected Deformation or a function of time, got {type(deformation).__name__}")

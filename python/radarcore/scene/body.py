@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, checked_position
-from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
+from radarcore.motion.deformation import AnyDeformation, as_deformation
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.records import sealed
@@ -58,7 +58,7 @@ class Body:
     mesh: Mesh
     material: Material
     motion: Motion
-    deformation: Deformation | DeformationFunction | None
+    deformation: AnyDeformation | None
     name: str | None
 
     def __init__(
@@ -67,7 +67,7 @@ class Body:
         *,
         material: Material | None = None,
         motion: AnyMotion | None = None,
-        deformation: Deformation | Callable[[float], ArrayLike] | None = None,
+        deformation: AnyDeformation | Callable[[float], ArrayLike] | None = None,
         name: str | None = None,
     ) -> None:
         material = materials["metal"] if material is None else material
