@@ -10,6 +10,7 @@ MODULES = {
     "rerun": {"rerun"},
     "robots": {"example_robot_data"},
     "ros": {"apsw", "rosbags"},
+    "usd": {"pxr"},
     "usb": {"libusb_package", "serial", "usb"},
     "zarr": {"xarray", "zarr"},
 }

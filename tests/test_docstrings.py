@@ -33,8 +33,8 @@ WRITTEN = {"radarcore": "", "radarcore.geometry.shapes": "shapes."}
 NUM_METHODS = 90
 """Examples of methods, at least."""
 
-IMPORTED = ("mujoco",)
-"""Packages that examples import themselves, called as their extras."""
+IMPORTED = ("mujoco", "pxr")
+"""Packages of extras that examples import themselves."""
 
 OBJECTS = ("bag", "live", "motive", "recording", "scene_file", "sensor", "tree", "varied_scene_file")
 """Objects that examples use without making them: the fixtures below, which docs/python.md describes."""

@@ -18,6 +18,7 @@ for name in {sorted(set().union(*MODULES.values()))}:
 importlib.metadata.distributions = lambda: []
 """
 NEEDING_EXTRAS = {
+    "usd": ["adapters/test_usd_scene_file.py"],
     "usb": ["sensor/test_usb.py"],
     "mesh": ["geometry/test_collada.py"],
     "plot": ["test_readme.py::test_python_examples_run_and_print_what_the_page_says[docs/plots.md]"],

@@ -35,7 +35,7 @@ MAY_IMPORT = {
     "adapters": {"processing"} | BODIES | DESCRIPTIONS,
     "simulate": {"receive"} | BODIES | DESCRIPTIONS,
     "depth": {"simulate", "receive"} | BODIES | DESCRIPTIONS,
-    "scenefile": {"models", "simulate"} | BODIES | DESCRIPTIONS,
+    "scenefile": {"models", "simulate", "adapters"} | BODIES | DESCRIPTIONS,
     "virtual": {"scenefile", "simulate", "sensor", "receive"} | DESCRIPTIONS,
     "comparison": {"scenefile", "simulate", "plot", "processing"} | BODIES | DESCRIPTIONS,
     "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,

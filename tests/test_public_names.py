@@ -13,7 +13,7 @@ import pytest
 import radarcore as rc
 
 PUBLIC = [
-    *("", "adapters", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
+    *("", "adapters", "adapters.mujoco", "adapters.optitrack", "adapters.ros", "adapters.usd"),
     *("dataset", "models", "models.robots", "plot", "processing", "sensor"),
 ]
 

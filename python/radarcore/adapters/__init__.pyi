@@ -5,3 +5,4 @@ from radarcore.adapters import mujoco as mujoco
 from radarcore.adapters import optitrack as optitrack
 from radarcore.adapters import rerun as rerun
 from radarcore.adapters import ros as ros
+from radarcore.adapters import usd as usd

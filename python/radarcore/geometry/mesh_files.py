@@ -173,7 +173,7 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if mesh.units is not None:
         vertices = vertices * trimesh.units.unit_conversion(mesh.units, "m")
-    return vertices @ _TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
+    return vertices @ TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
 
 
 def _has_vertices(path: Path) -> bool:
@@ -197,7 +197,7 @@ def _beginning(path: Path) -> str:
 
 # Axes of a file (columns: its x, y and z) in a frame with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and
 # towards the viewer are -y, x, z (X_UP), x, y, z (Y_UP) and x, z, -y (Z_UP).
-_TO_Z_UP = {
+TO_Z_UP = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "Z_UP": np.eye(3),
@@ -223,7 +223,7 @@ def _load_collada(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     # Textures that are missing, cameras of other programs and the like are no matter.
     document = Collada(str(path), ignore=[common.DaeUnsupportedError, common.DaeBrokenRefError])
     about = document.assetInfo
-    to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * _TO_Z_UP[about.upaxis]
+    to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * TO_Z_UP[about.upaxis]
     parts: list[_Part] = []
     for geometry in [] if document.scene is None else document.scene.objects("geometry"):
         placed = to_metres @ np.asarray(geometry.matrix, dtype=np.float64)[:3]

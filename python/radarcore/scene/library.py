@@ -134,3 +134,12 @@ ItuPermittivity(a=6.31, b=0.0, c=0.0036, d=1.3394)
 >>> "steel" in rc.materials
 False
 """
+
+
+def as_material(name: str, value: Material | str) -> Material:
+    """A material, as it is or by name, or a TypeError that names the argument."""
+    if isinstance(value, Material):
+        return value
+    if isinstance(value, str):
+        return materials[value]
+    raise TypeError(f"{name}: expected Material or a name of radarcore.materials, got {type(value).__name__}")

@@ -153,6 +153,13 @@ class MeshTable(Table):
     shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of the curved surface, or of facets")
 
 
+class UsdTable(Table):
+    """A USD stage (extra `usd`): a body per prim, called by its path."""
+
+    kind: Literal["usd"]
+    path: str = _key(..., "", "USD file; relative to the scene file")
+
+
 def _shape_table(kind: str) -> Any:
     """Table of a shape: its keys are the parameters of the function."""
     make = getattr(shapes, kind)
@@ -164,8 +171,8 @@ SHAPES = tuple(_shape_table(kind) for kind in shapes.__all__)
 if TYPE_CHECKING:
     ShapeTable = Any
 else:
-    ShapeTable = reduce(or_, (*SHAPES, MeshTable))
-    """A shape of `radarcore.shapes`, or a mesh file."""
+    ShapeTable = reduce(or_, (*SHAPES, MeshTable, UsdTable))
+    """A shape of `radarcore.shapes`, a mesh file, or a USD stage."""
 
 
 class MaterialTable(Table):
@@ -195,7 +202,9 @@ class BodyTable(PlacedTable):
     name: str | None = _key(None, "", "for pictures, truth and attachments")
     shape: Annotated[ShapeTable, Field(discriminator="kind")] = _key(..., "", "kind and sizes")
     material: AnyMaterial = _key("metal", "", _MATERIAL)
-    materials: dict[str, AnyMaterial] | None = _key(None, "", "materials by names in an OBJ file; others: `material`")
+    materials: dict[str, AnyMaterial] | None = _key(
+        None, "", "materials by names in an OBJ file or USD stage; others: material"
+    )
 
 
 class PointTable(Table):

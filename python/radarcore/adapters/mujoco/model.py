@@ -25,6 +25,7 @@ from radarcore.radar.waveform import frame_rate
 from radarcore.recording.frame import Frame
 from radarcore.records import sealed
 from radarcore.scene.body import Body
+from radarcore.scene.library import as_material
 from radarcore.scene.library import materials as library
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
@@ -137,7 +138,7 @@ def geom_materials(
     The entry of `materials` for the geom, its MuJoCo material, its mesh or its body, in this order; else the library
     material with the name of its MuJoCo material; else the default.
     """
-    chosen = {name: _material(f"materials[{name!r}]", value) for name, value in (materials or {}).items()}
+    chosen = {name: as_material(f"materials[{name!r}]", value) for name, value in (materials or {}).items()}
     known = {name for kind in ("geom", "body", "mat", "mesh") for name in names_of(model, kind)} - {""}
     for name in chosen:
         if name not in known:
@@ -145,7 +146,7 @@ def geom_materials(
                 f"materials: nothing in the model is called {name!r}, no geom, material, mesh or body; "
                 f"{check.near_names(name, sorted(known))}"
             )
-    other, names, found = _material("default", default), _geom_names(model), []
+    other, names, found = as_material("default", default), _geom_names(model), []
     for geom in geoms:
         material = names[geom][1]
         named = [chosen[name] for name in names[geom] if name in chosen]
@@ -163,14 +164,6 @@ def _geom_names(model: Any) -> list[tuple[str, str, str, str]]:
         (geoms[geom], materials[paint], meshes[mesh_of(model, geom)], bodies[body])
         for geom, (paint, body) in enumerate(owners)
     ]
-
-
-def _material(name: str, value: Material | str) -> Material:
-    if isinstance(value, Material):
-        return value
-    if isinstance(value, str):
-        return library[value]
-    raise TypeError(f"{name}: expected Material or a name of radarcore.materials, got {type(value).__name__}")
 
 
 RATES = ("model", "differences")

@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from radarcore import check
+from radarcore.adapters.usd.stage import StageScene
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.mesh_files import load_mesh, load_meshes
+from radarcore.geometry.pose import Pose
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.joint import JointAngles, JointTrajectory
 from radarcore.models.robots.named import arm_names
+from radarcore.motion.group import Attached
+from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.library import materials
@@ -36,6 +40,7 @@ from radarcore.scenefile.tables import (
     PlacedTable,
     PointTable,
     SceneTable,
+    UsdTable,
 )
 
 _Read = TypeVar("_Read")
@@ -91,6 +96,8 @@ class Parts:
         if table.name is not None:
             self._carriers[table.name] = motion
         rest = self._material(table.material)
+        if isinstance(table.shape, UsdTable):
+            return self._stage_bodies(table, motion, rest)
         if table.materials is None:
             return [Body(self._mesh(table.shape), material=rest, motion=motion, name=table.name)]
         with located("materials: "):
@@ -103,6 +110,30 @@ class Parts:
         return [
             Body(mesh, material=own.get(name, rest), motion=motion, name=f"{prefix}{name or 'rest'}")
             for name, mesh in meshes.items()
+        ]
+
+    def _stage_bodies(self, table: BodyTable, motion: Motion, rest: Material) -> list[Body]:
+        """Bodies of a USD stage; its prims carry others, as ``NAME/World/arm``."""
+        own = {name: self._material(value) for name, value in (table.materials or {}).items()}
+        file, key = self._directory / table.shape.path, ("usd", table.shape, rest, *own.items())
+        with located("shape."):
+            stage: StageScene = self._kept.of(key, lambda: StageScene(file, materials=own, default=rest))
+        is_fixed = motion == Pose()
+
+        def placed(own: Motion) -> Motion:
+            return own if is_fixed else Attached(motion, own)
+
+        name = table.name or ""
+        self._carriers |= {f"{name}{prim}": placed(stage.motion(prim)) for prim in stage.prims if prim}
+        return [
+            Body(
+                body.mesh,
+                material=body.material,
+                motion=placed(body.motion),
+                deformation=body.deformation,
+                name=f"{name}{body.name}",
+            )
+            for body in stage.bodies
         ]
 
     def _interferer(self, table: InterfererTable) -> Interferer:
