@@ -37,8 +37,7 @@ def main(output: Path) -> None:
     print(f"received {10.0 * np.log10(stats['strongest_interferer']) + 30.0:.1f} dBm, {stats['chirps_hit']} chirps hit")
     burst = ours.sample_rate**2 / abs(ours.slope - theirs.slope)
     print(f"a crossing lasts {1e6 * burst / ours.sample_rate:.2f} us, {burst:.0f} of {ours.num_samples} samples")
-
-    floors = []
+    floors, found = [], {name: [] for name in frames}
     figure = Figure(figsize=(8.6, 5.4), layout="constrained")
     for (name, frame), (upper, lower) in zip(frames.items(), figure.subplots(2, 2).T, strict=True):
         rc.plot.chirp(frame, chirp=12, ax=upper).set(title=f"One chirp, {name}", ylim=(-30.0, 40.0))
@@ -46,7 +45,8 @@ def main(output: Path) -> None:
         floors.append(10.0 * np.log10(rc.processing.noise_level(np.abs(rc.range_doppler(frame)) ** 2)))
         for target, r, v in zip(frame.truth.names, frame.truth.range, frame.truth.velocity, strict=True):
             around = {"min_range": r - 1.0, "max_range": r + 1.0, "min_velocity": v - 1.0, "max_velocity": v + 1.0}
-            print(f"{name}: {target} {rc.strongest_peak(frame, min_snr_db=0.0, **around).snr_db:.1f} dB over the floor")
+            found[name].append(f"{target} {rc.strongest_peak(frame, min_snr_db=0.0, **around).snr_db:.1f}")
+        print(f"dB over the floor, {name}: {', '.join(found[name])}")
     lower.annotate("lost in the noise", (v, r), (1.5, 5.0), color="white", arrowprops={"arrowstyle": "->", "ec": "w"})
     print(f"floor raised by {floors[1] - floors[0]:.1f} dB")
     output.parent.mkdir(parents=True, exist_ok=True)
