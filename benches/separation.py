@@ -41,7 +41,7 @@ of the person, mean of the channels. In brackets: 95 % intervals.
 
 {by_snr}
 
-`rc.processing.breathing` at the place of the track, after 6 s:
+`rc.processing.breathing` at the place of the track, after 6 s, by a still and by a moving radar:
 
 {breathing}
 
@@ -50,6 +50,11 @@ A false track is farther than 0.5 m from the person. Distances are between the s
 {tracks}
 
 {empty}
+
+Standing 0.1 to 0.5 m before another wall, or 0.9 m beside a metal plate at the same range, from the start. Unobserved:
+`are_observable` is False for the place.
+
+{near}
 
 Processor time of one frame on one thread ({machine}, shared with others):
 
@@ -84,12 +89,12 @@ class Row(NamedTuple):
     snr_db: float
     is_detected: bool
     is_tracked: bool
+    is_observable: bool
+    """The place, by the map."""
     num_false: int
     """False tracks."""
     error: float
     """Of the distance [m]; NaN without one."""
-    required: float
-    """[m]; likewise."""
 
 
 def walking(rng: np.random.Generator) -> rc.models.Human:
@@ -156,11 +161,56 @@ def followed(kind: str, seed: int, num_frames: int, times: dict[str, list[float]
         ids |= {state.id for state, is_near in zip(states, near, strict=True) if is_near}
         distances, _ = cKDTree(above(LINKS, found.time)).query(above(body, found.time))
         own = [one for one in separations if any(n and s.id == one.track for n, s in zip(near, states, strict=True))]
-        values = (own[0].distance - float(np.min(distances)), own[0].required) if own else (np.nan, np.nan)
+        error = own[0].distance - float(np.min(distances)) if own else np.nan
         distance = float(np.linalg.norm(place - sensor.position))
         is_detected = bool((off < FOUND).any())
-        rows.append(Row(distance, peak_db(alone.frame(k / RATE)), is_detected, any(near), near.count(False), *values))
+        is_observable = is_seen(KNOWN, place, found)
+        level_db = peak_db(alone.frame(k / RATE))
+        rows.append(Row(distance, level_db, is_detected, any(near), is_observable, near.count(False), error))
     return rows, len(ids)
+
+
+def is_seen(known: rc.processing.StaticMap, place: Array, found: rc.Detections) -> bool:
+    """Whether a person who stands at a place (x, y) would be seen, by the map."""
+    height = MOTION.at(found.time).position[2]
+    return bool(known.are_observable([[*place[:2], height]], found, MOTION)[0])
+
+
+def surfaces(person: rc.models.Human, rng: np.random.Generator) -> dict[str, rc.Body]:
+    """A wall behind a person, and a metal plate at the same range."""
+    place, sensor = np.array(person.path.waypoints[0]), MOTION.at(0.0).position
+    behind = above(person.bodies(), 0.0)[:, 0].max() + rng.uniform(0.1, 0.5)
+    radius, bearing = np.linalg.norm(place - sensor[:2]), np.arctan2(*(place - sensor[:2])[::-1])
+    bearing -= np.sign(bearing) * 0.9 / radius
+    c, s = np.cos(bearing), np.sin(bearing)
+    turned, where = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], [*(sensor[:2] + radius * np.array([c, s])), sensor[2]]
+    return {
+        "before a wall": rc.Body(
+            rc.shapes.box([0.1, 5.0, 2.8]), material=ROOM.material, motion=rc.Pose([behind + 0.05, 0.0, 1.4])
+        ),
+        "beside a plate": rc.Body(
+            rc.shapes.box([0.05, 0.4, 0.8]), material=rc.materials["metal"], motion=rc.Pose(where, turned)
+        ),
+    }
+
+
+def near_surfaces(num_seeds: int, num_frames: int) -> dict[str, list[tuple[bool, bool]]]:
+    """Whether a person has a track, and whether the place is observable, in every frame."""
+    seen: dict[str, list[tuple[bool, bool]]] = {}
+    for seed in range(num_seeds):
+        rng = np.random.default_rng(200 + seed)
+        person = standing(rng)
+        place = np.array(person.path.waypoints[0])
+        for kind, body in surfaces(person, rng).items():
+            everything = simulator([ROOM, TABLE, body, *person.bodies()])
+            known = rc.processing.StaticMap.of([ROOM, TABLE, body])
+            following = rc.Tracker(MOTION, known, targets="people", velocity_ambiguity=2.0 * RADAR.max_velocity)
+            for k in range(num_frames):
+                found = rc.detect(everything.frame(k / RATE))
+                states = [state for state in following.update(found) if state.is_confirmed]
+                is_tracked = any(np.linalg.norm(state.position[:2] - place) < FOUND for state in states)
+                seen.setdefault(kind, []).append((is_tracked, is_seen(known, place, found)))
+    return seen
 
 
 def false_tracks(num_frames: int) -> int:
@@ -197,13 +247,16 @@ def breathing_table(num_seeds: int, rate: float) -> str:
                 frames = [seen.frame(k / rate) for k in range(int(6.0 * rate) + 1)]
                 following = rc.Tracker(motion, KNOWN, targets="people", velocity_ambiguity=2.0 * RADAR.max_velocity)
                 last = [state for frame in frames for state in following.update(rc.detect(frame)) if state.is_confirmed]
-                answer = "no track"
+                answer = "None"
                 if last:
                     answer = str(rc.processing.breathing(frames, last[-1].position, motion).is_breathing)
                 counts.setdefault((kind, name), []).append(answer)
-    answers = {"True": "breathes", "False": "static", "None": "not certain", "no track": "no track"}
-    rows = [[*key, *(str(each.count(answer)) for answer in answers)] for key, each in counts.items()]
-    return table(["object", "radar", *answers.values()], rows)
+    answers = {"True": "breathes", "False": "static", "None": "not certain"}
+    rows = []
+    for kind in objects(np.random.default_rng(100)):
+        both = [counts[kind, name] for name in ("still", "moving")]
+        rows.append([kind, *(", ".join(str(each.count(answer)) for each in both) for answer in answers)])
+    return table(["object", *answers.values()], rows)
 
 
 def share(hits: list[bool]) -> str:
@@ -251,13 +304,10 @@ def main() -> None:
                 share([row.num_false > 0 for row in frames]),
                 f"{middle:+.3f}",
                 f"{low:+.3f} to {high:+.3f}",
-                f"{np.nanmedian([row.required for row in frames]):.2f}",
             ]
         )
     quantities = ["frames with a track at the person [%]", "tracks per person", "frames with false tracks [%]"]
-    quantities += [
-        f"{name} [m]" for name in ("error of the distance, median", "5 to 95 %", "required distance, median")
-    ]
+    quantities += ["error of the distance, median [m]", "5 to 95 % [m]"]
     lines = [[name, *values] for name, *values in zip(quantities, *columns, strict=True)]
     tables: dict[str, Any] = {
         "breathing": breathing_table(num_seeds, 10.0 if options.tiny else RATE),
@@ -270,6 +320,12 @@ def main() -> None:
             [[name, f"{np.median(each):.2f}", f"{np.percentile(each, 95):.2f}"] for name, each in times.items()],
         ),
     }
+    near = {"far from surfaces": [(row.is_tracked, row.is_observable) for row in rows["standing"]]}
+    lines = []
+    for kind, frames_near in (near | near_surfaces(num_seeds, num_frames)).items():
+        tracked, observable = np.array(frames_near).T
+        lines.append([kind, *(share(each.tolist()) for each in (tracked, ~observable, tracked | ~observable))])
+    tables["near"] = table(["standing", "tracked [%]", "unobserved [%]", "either [%]"], lines)
     print("\n\n".join(tables.values()))
     if options.write:
         text = TEXT.format(num_seeds=num_seeds, num_frames=num_frames, machine=machine(), **tables)

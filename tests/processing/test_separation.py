@@ -59,6 +59,23 @@ def test_robot_that_leaves_adds_nothing() -> None:
     assert known.required == pytest.approx(1.6 * 0.4 + 0.25 * 0.1 + 0.5, rel=1e-12)
 
 
+def test_places_where_a_person_would_be_unseen_count_as_one_who_stands_there() -> None:
+    places = [[3.0, 0.0, 1.0], [0.5, 1.5, 1.0]]
+    [one] = separation([], [HAND], time=0.0, unobserved=places)
+    assert (one.track, one.is_observable, one.age, one.deviation) == (None, False, 0.0, 0.0)
+    assert one.distance == pytest.approx(1.5 - 0.3 - 0.1, abs=1e-3)  # of the disc from the sphere at (0.5, 0)
+    assert one.required == pytest.approx(1.6 * 0.4 + 0.1 + 0.01, abs=1e-6)  # the hand moves across
+    np.testing.assert_allclose(one.person_point, [0.5, 1.2], atol=1e-3)
+    both = separation([person((1.5, 0.0))], [HAND], unobserved=places)
+    assert [near.track for near in both] == [7, None]
+    assert [near.is_observable for near in both] == [True, False]
+    assert separation([], [HAND], unobserved=np.zeros((0, 3))) == []
+    with pytest.raises(ValueError, match="time: expected one for unobserved places without tracks, got None"):
+        separation([], [HAND], unobserved=places)
+    with pytest.raises(ValueError, match="unobserved: expected"):
+        separation([], [HAND], time=0.0, unobserved=[[0.0, 1.0]])
+
+
 def test_an_arm_that_is_held_out_is_the_nearest_point() -> None:
     [one] = separation([person(nearest=1.4)], [HAND])
     assert one.distance == pytest.approx(1.4 - 0.6, abs=1e-3)

@@ -130,6 +130,44 @@ def test_objects_at_the_range_of_a_known_echo_may_be_hidden() -> None:
     assert [state.is_observable for state in followed(hiding, known)[-1]] == [False]
 
 
+def test_places_near_a_surface_behind_it_and_at_the_range_of_its_echo_are_unobserved() -> None:
+    """A wall of 4 m at x = 3 m: a body of 0.3 m radius comes within 0.5 m of it from x = 2.2 m on."""
+    known = StaticMap.of([rc.Body(rc.shapes.plate(4.0, 3.0), motion=rc.Pose([3.0, 0.0, 0.0]))])
+    nothing, echo = seen([]), seen([[3.0, 0.0]])
+    in_front = [[x, 0.0, 0.0] for x in (1.0, 2.1, 2.3, 2.9, 3.1, 3.9, 6.0)]
+    assert known.are_observable(in_front, nothing).tolist() == [True, True, *[False] * 5]
+    assert known.are_observable([[2.3, 0.0, 0.0]], nothing, body_radius=0.1).tolist() == [True]
+    # The wall ends at y = 2 m: its shadow does at the bearing of atan(2 / 3).
+    beside = [[4.5, 2.8, 0.0], [4.5, 3.3, 0.0], [-1.0, 0.0, 0.0]]
+    assert known.are_observable(beside, nothing).tolist() == [False, True, False]  # the last is behind the sensor
+    # An echo at 3 m takes the ranges of bodies from 2.4 to 3.6 m, in all directions.
+    ranges = [[r * np.cos(1.2), r * np.sin(1.2), 0.0] for r in (2.3, 2.5, 3.5, 3.7)]
+    assert known.are_observable(ranges, nothing).tolist() == [True] * 4
+    assert known.are_observable(ranges, echo).tolist() == [True, False, False, True]
+    assert known.are_observable(ranges, seen([[2.0, 0.0]])).tolist() == [True] * 4  # unknown: has a track
+    # Turned by a quarter, it looks along y from (2, -3): the wall is beside the line of sight.
+    aside = rc.Pose([2.0, -3.0, 0.0], TURNED)
+    assert known.are_observable([[2.0, 0.0, 0.0], [2.6, 0.0, 0.0], [4.0, 0.0, 0.0]], nothing, aside).tolist() == [
+        True,
+        False,
+        False,
+    ]
+    on_wall = rc.Pose([2.98, 0.0, 0.0], TURNED @ TURNED)  # the surface behind a sensor hides nothing
+    assert known.are_observable([[1.0, 1.5, 0.0]], nothing, on_wall).tolist() == [True]
+
+
+def test_track_in_a_shadow_is_not_observable_and_ends() -> None:
+    """Somebody walks behind a plate, slowly, and gives no echoes there; unlike at a wall he may walk on unseen."""
+    plate = rc.Body(rc.shapes.plate(1.0, 3.0), motion=rc.Pose([2.0, 0.0, 0.0]))
+    ways = [-2.5 + 0.4 * k / 40 for k in range(200)]
+    frames = [seen([[3.5, y]][: y < -0.9], k / 40, speed=0.4 * y / np.hypot(3.5, y)) for k, y in enumerate(ways)]
+    states = followed(frames, StaticMap.of([plate]))
+    hidden = sum(y < -0.9 for y in ways)
+    assert states[hidden - 40][0].is_observable
+    assert not states[hidden + 5][0].is_observable
+    assert states[-1] == []
+
+
 def approach(stop: float, num_missed: int) -> list[rc.Detections]:
     """Somebody who walks along x from 2 m, slows down until `stop` [m], gives no echoes, and walks back."""
     times = np.arange(400) / 40
@@ -290,6 +328,34 @@ def test_simulated_person_stands_in_a_room() -> None:
         for states in found[True]
     ]
     assert np.mean(is_found[8:]) >= 0.95
+
+
+@pytest.mark.parametrize("surface", ["wall", "plate"])
+def test_person_who_stands_there_from_the_start_has_a_track_or_an_unobserved_place(surface: str) -> None:
+    """0.1 to 0.5 m in front of a wall, or beside a metal plate at the same range."""
+    motion = rc.Linear(rc.Pose([0.0, -0.15, 1.0]), velocity=[0.0, 0.25, 0.0])
+    radar, rng, silent = rc.bgt60tr13c(max_velocity=6.0), np.random.default_rng(5), []
+    for _ in range(6):
+        distance, azimuth = rng.uniform(1.5, 3.0), rng.uniform(-0.4, 0.4)
+        place = distance * np.array([np.cos(azimuth), np.sin(azimuth)])
+        if surface == "wall":
+            shape, pose = rc.shapes.box([0.1, 6.0, 2.8]), rc.Pose([place[0] + rng.uniform(0.3, 0.7), 0.0, 1.4])
+        else:
+            beside = azimuth - np.sign(azimuth) * 0.9 / distance
+            c, s = np.cos(beside), np.sin(beside)
+            turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            shape, pose = rc.shapes.box([0.05, 0.4, 0.8]), rc.Pose([distance * c, distance * s, 1.0], turned)
+        body = rc.Body(shape, material=rc.materials["metal"], motion=pose)
+        person = rc.models.Human(speed=0.0, path=[place, place + rng.standard_normal(2)])
+        simulator = rc.Simulator(rc.Scene([body, *person.bodies()]), radar, radar_motion=motion)
+        known = StaticMap.of([body])
+        tracker = rc.Tracker(motion, known, targets="people", velocity_ambiguity=2.0 * radar.max_velocity)
+        for k in range(24):
+            found = rc.detect(simulator.frame(k / 20))
+            states = [state for state in tracker.update(found) if state.is_confirmed]
+            is_tracked = any(np.hypot(*(state.position[:2] - place)) < 0.5 for state in states)
+            silent.append(not is_tracked and bool(known.are_observable([[*place, 1.0]], found, motion)[0]))
+    assert np.mean(silent) <= 0.05
 
 
 def test_refusals() -> None:

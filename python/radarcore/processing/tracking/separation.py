@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
@@ -24,8 +25,8 @@ class Separation:
 
     Parameters
     ----------
-    track : int
-        Number of the person's track.
+    track : int or None
+        Number of the person's track; None for a place where a standing person would have none.
     body : str
         Name of the nearest link.
     distance : float
@@ -38,6 +39,8 @@ class Separation:
         Protective separation distance [m].
     person_point, robot_point : (2,) float64
         Nearest points, x and y in the world [m].
+    is_observable : bool
+        As of `TrackState`; False for a place without a track.
 
     See Also
     --------
@@ -50,7 +53,7 @@ class Separation:
     (-0.4, False)
     """
 
-    track: int
+    track: int | None
     body: str
     distance: float
     deviation: float
@@ -58,6 +61,7 @@ class Separation:
     required: float
     person_point: Array
     robot_point: Array
+    is_observable: bool = True
 
     @property
     def margin(self) -> float:
@@ -75,6 +79,7 @@ def separation(
     robot: Sequence[Body],
     *,
     time: float | None = None,
+    unobserved: ArrayLike | None = None,
     reaction_time: float = 0.1,
     stopping_time: float = 0.3,
     stopping_distance: float | None = None,
@@ -104,7 +109,10 @@ def separation(
         are kept.
     time : float, optional
         Time of the distance [s], not before the tracks; people go on to it at their velocities. Default: the time of
-        the tracks.
+        the tracks; without any it is needed for `unobserved`.
+    unobserved : (n, 3) array_like, optional
+        Places in the world [m] where a standing person would give no track, see `StaticMap.are_observable`. Each counts
+        as a person who stands there.
     reaction_time : float
         From the frame to the command to stop [s].
     stopping_time : float
@@ -125,13 +133,13 @@ def separation(
     Returns
     -------
     separations : list of Separation
-        One per person, the smallest margin first; empty without a person.
+        One per person, and one of the most critical of the `unobserved` places; the smallest margin first.
 
     Raises
     ------
     ValueError
-        For tracks without angles, a robot without links, bodies that deform, a time before the tracks, and numbers
-        below 0.
+        For tracks without angles, a robot without links, bodies that deform, a time before the tracks or none for
+        `unobserved` without tracks, and numbers below 0.
 
     See Also
     --------
@@ -161,22 +169,18 @@ def separation(
     if not isinstance(robot, Iterable):
         raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
     links = _links(tuple(check.instance("robot", body, Body) for body in robot))
+    states = [check.instance("tracks", state, TrackState) for state in tracks]
+    people = [_person(state, time, body_radius) for state in states if state.is_confirmed]
+    if unobserved is not None and len(places := check.array("unobserved", unobserved, (None, 3))) > 0:
+        people.append(_unseen(places, people[0].time if people and time is None else time, body_radius))
     outlines: dict[float, tuple[Array, Array]] = {}
     found = []
-    for state in tracks:
-        check.instance("tracks", state, TrackState)
-        if not state.is_confirmed:
-            continue
-        now = state.time if time is None else check.time("time", time)
-        if now < state.time:
-            raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
-        extents, rates = outlines[now] = outlines.get(now) or links.outlines(now)
-        person = _person(state, now, body_radius)
+    for person in people:
+        extents, rates = outlines[person.time] = outlines.get(person.time) or links.outlines(person.time)
         distance, away = _distances(extents, person.places)
 
         # Required distances of all links from all discs.
-        age = max(now - state.seen, 0.0)
-        waiting = reaction_time + age
+        waiting = reaction_time + person.age
         walking = max(human_speed, person.speed) * (waiting + stopping_time)
         approach = np.maximum(links.extents(rates, away), 0.0)
         way = approach * stopping_time if stopping_distance is None else stopping_distance
@@ -186,17 +190,34 @@ def separation(
         gap = np.maximum(distance - person.radii, 0.0)
         link, disc = best = np.unravel_index((gap - limit).argmin(), gap.shape)
         lengths = distance[best] - gap[best], distance[best]  # to the edge of the disc, and to the link
-        points = (person.places[disc] - length * away[best] for length in lengths)
-        values = float(gap[best]), float(deviation[best]), age, float(limit[best])
-        found.append(Separation(state.id, links.names[link], *values, *points))
+        person_point, robot_point = (person.places[disc] - length * away[best] for length in lengths)
+        found.append(
+            Separation(
+                track=person.track,
+                body=links.names[link],
+                distance=float(gap[best]),
+                deviation=float(deviation[best]),
+                age=person.age,
+                required=float(limit[best]),
+                person_point=person_point,
+                robot_point=robot_point,
+                is_observable=person.is_observable,
+            )
+        )
     return sorted(found, key=lambda one: one.margin)
 
 
 class _Person(NamedTuple):
     """A person at a time, seen from above: the disc of a body, and perhaps the nearest echo in front of it."""
 
+    track: int | None
+    is_observable: bool
+    time: float
+    """[s]."""
+    age: float
+    """Time since the last detection [s]."""
     places: Array
-    """Centres of the discs (disc, 2) [m]."""
+    """Centres of the discs (disc, 2) [m]; of a person without a track one for each place."""
     radii: Array
     """(disc,) [m]."""
     speed: float
@@ -205,8 +226,11 @@ class _Person(NamedTuple):
     """Of the place, (2, 2) [m^2]."""
 
 
-def _person(state: TrackState, time: float, radius: float) -> _Person:
+def _person(state: TrackState, time: float | None, radius: float) -> _Person:
     """The disc of a person, and the nearest echo in front of it."""
+    now = state.time if time is None else check.time("time", time)
+    if now < state.time:
+        raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
     places, motion = [state.position], state.motion[:2]
     if np.isnan(places).any():
         raise ValueError("tracks: expected places, got ranges alone: detections without an azimuth")
@@ -214,9 +238,19 @@ def _person(state: TrackState, time: float, radius: float) -> _Person:
         sensor = state.sensor_pose[:, 3]
         sight = places[0] - sensor
         places.append(sensor + state.nearest / max(float(np.linalg.norm(sight)), SHORTEST_RANGE) * sight)
-    discs = np.array(places)[:, :2] + (time - state.time) * motion
+    discs = np.array(places)[:, :2] + (now - state.time) * motion
+    radii, speed = np.array([radius, 0.0])[: len(discs)], float(np.linalg.norm(motion))
     covariance = covariance_from_above(state.state_covariance, state.sensor_pose)
-    return _Person(discs, np.array([radius, 0.0])[: len(discs)], float(np.linalg.norm(motion)), covariance)
+    age = max(now - state.seen, 0.0)
+    return _Person(state.id, state.is_observable, now, age, discs, radii, speed, covariance)
+
+
+def _unseen(places: Array, time: float | None, radius: float) -> _Person:
+    """Somebody who stands at one of the places."""
+    if time is None:
+        raise ValueError("time: expected one for unobserved places without tracks, got None")
+    now, radii = check.time("time", time), np.full(len(places), radius)
+    return _Person(None, False, now, 0.0, places[:, :2], radii, 0.0, np.zeros((2, 2)))
 
 
 class _Links:

@@ -154,6 +154,68 @@ class StaticMap:
         known = np.where(self.are_known(values, covariance, sensor, [2.0])[0], 1, 2)
         return np.array(CLASSES)[np.where(is_moving(values, covariance, sensor), 0, known)]
 
+    def are_observable(
+        self,
+        places: ArrayLike,
+        detections: Detections,
+        motion: AnyMotion | None = None,
+        *,
+        body_radius: float = 0.3,
+    ) -> NDArray[np.bool_]:
+        """True for places where a person who stands gives detections of their own; elsewhere nobody may be seen.
+
+        False where the body comes within `hidden_distance` of a point or within `distance` of the range of a known
+        detection, behind points, and behind the sensor. No other limit of the field of view counts.
+
+        Parameters
+        ----------
+        places : (n, 3) array_like
+            In the world [m], at the height of the trunk.
+        detections : Detections
+            Of the frame.
+        motion : Motion, optional
+            Of the sensor, see `Tracker`.
+        body_radius : float
+            Radius of a person about the place [m].
+
+        See Also
+        --------
+        separation : Treats the other places as people.
+
+        Examples
+        --------
+        >>> wall = rc.Body(rc.shapes.plate(4.0, 3.0), motion=rc.Pose([3.0, 0.0, 0.0]))
+        >>> found = rc.Detections([3.0], [0.0], [0.0], [0.0], [40.0])
+        >>> places = [[2.1, 0.0, 0.0], [2.3, 0.0, 0.0], [2.1, 1.9, 0.0], [3.9, 0.0, 0.0]]
+        >>> rc.processing.StaticMap.of([wall]).are_observable(places, found).tolist()
+        [True, False, False, False]
+        """
+        where, radius = check.array("places", places, (None, 3)), check.non_negative("body_radius", body_radius, "m")
+        ranges = detections.range[self.classify(detections, motion) == "known"]
+        sensor = AT_REST if motion is None else sensor_state(Motions([as_motion("motion", motion)]), detections.time)
+        is_observable = (where - sensor.pose[:, 3]) @ sensor.pose[:, 0] > 0.0
+        is_observable[is_observable] = ~self.conceals(where[is_observable], sensor, ranges, radius)
+        is_observable[is_observable] = ~self.shades(where[is_observable], sensor)
+        return np.asarray(is_observable)
+
+    def conceals(self, places: Array, sensor: SensorState, ranges: Array, radius: float = 0.0) -> NDArray[np.bool_]:
+        """True for places near the surfaces or at one of the ranges of their echoes, whose cell would be shared."""
+        apart = np.abs(np.linalg.norm(places - sensor.pose[:, 3], axis=1)[:, None] - ranges)
+        is_near = self._tree.query(places, distance_upper_bound=self.hidden_distance + radius)[0] < np.inf
+        return np.asarray(is_near | (np.fmin.reduce(apart, axis=1, initial=np.inf) <= self.distance + radius))
+
+    def shades(self, places: Array, sensor: SensorState) -> NDArray[np.bool_]:
+        """True for places behind a surface: a point is within `_SPACING` of the line of sight.
+
+        A surface on which the sensor is mounted does not count.
+        """
+        sight = places - sensor.pose[:, 3]
+        longest = np.linalg.norm(sight, axis=1).max(initial=0.0)
+        steps = np.linspace(0.0, 1.0, int(np.ceil(longest / _SPACING)) + 1)
+        lines = sensor.pose[:, 3] + steps[:, None] * sight[:, None]
+        is_near = self._tree.query(lines, distance_upper_bound=_SPACING)[0] < np.inf  # (place, step)
+        return np.asarray((np.logical_or.accumulate(~is_near, axis=1) & is_near).any(axis=1))
+
     def are_known(
         self, values: Array, covariance: Array, sensor: SensorState, coverages: Sequence[float]
     ) -> NDArray[np.bool_]:

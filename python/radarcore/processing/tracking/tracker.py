@@ -354,11 +354,10 @@ class Tracker:
         relative, rates = cartesian(self._state)
         places = relative @ self._sensor.pose[:, :3].T + self._sensor.pose[:, 3]
         speeds = np.linalg.norm(rates @ self._sensor.pose[:, :3].T + self._sensor.velocity, axis=1)
-        apart = np.abs(np.linalg.norm(relative, axis=1)[:, None] - ranges)
-        is_near = apart.min(axis=1, initial=np.inf) <= self._map.distance  # echoes of one range cell are not resolved
-        is_near |= self._map.distances(places) <= self._map.hidden_distance
-        for life, near, speed in zip(self._lives, is_near.tolist(), speeds.tolist(), strict=True):
-            life.is_observable = not near
+        is_near, is_behind = self._map.conceals(places, self._sensor, ranges), self._map.shades(places, self._sensor)
+        rows = zip(self._lives, is_near.tolist(), is_behind.tolist(), speeds.tolist(), strict=True)
+        for life, near, behind, speed in rows:
+            life.is_observable = not (near or behind)
             stops = life.is_held or (life.missed > 0 and speed < _SLOW)  # a limb that moves later does not end the hold
             life.is_held = life.is_confirmed and near and stops
             if life.is_held:

@@ -104,8 +104,8 @@ class TrackState(_Coordinates[float]):
         Whether all of its newest detections were static, as of a person who stands or of an unknown object; False
         unless targets are people.
     is_observable : bool
-        False near a known surface of the `StaticMap`, and at the range of an echo of one: a person who stands still
-        there may give no detections of its own.
+        False near a known surface of the `StaticMap`, behind it, and at the range of its echo: a person who stands
+        still there may give no detections of their own.
     num_hits : int
         Detections of the target until then.
     nearest, nearest_deviation : float
