@@ -19,6 +19,7 @@ __all__ = [
     "Surface",
     "Waveform",
     "__version__",
+    "above_sidelobes",
     "beat_signal",
     "between_cells",
     "cross_sections",
@@ -27,6 +28,7 @@ __all__ = [
     "levels",
     "load_obj",
     "local_maxima",
+    "maxima_above",
     "normal",
     "receive",
     "reflectance",
@@ -105,6 +107,45 @@ def between_cells(
     """Offsets of local maxima from the middle of their cells (cell, 2), and their heights (cell,).
 
     By parabolas through the log power of each and its neighbours, along rows and along columns. As in `local_maxima`.
+    """
+
+def maxima_above(
+    power: NDArray[np.float64],
+    trained: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    *,
+    first: int,
+    guards: tuple[int, int],
+    trainings: tuple[int, int],
+    is_cyclic: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Local maxima (peak, 2) of a map above their thresholds, and these (peak,); see `local_maxima`.
+
+    `trained` and `scale` (row, column) begin at the column `first` of the map. A threshold is `scale` times the sum of
+    the training cells of `trained`, see `training_medians`. Cells with a scale of 0 are not tested.
+    """
+
+def above_sidelobes(
+    power: NDArray[np.float64],
+    peaks: NDArray[np.int64],
+    least: NDArray[np.float64],
+    envelopes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    mean_envelope: NDArray[np.float64],
+    mean_gain: NDArray[np.float64],
+    *,
+    searched: tuple[int, int],
+    smallest: float,
+    smear: float,
+    num_samples: int,
+    is_cyclic: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Peaks (peak, 2) above `least` (peak,) after subtraction of the sidelobes of all stronger ones, strongest first.
+
+    Also returns their offsets from the middle of their cells (peak, 2), as `between_cells`. The largest local maximum
+    of every column outside of `searched` (first, last) has sidelobes too. `envelopes`: of the lobes along rows and
+    columns, as `radarcore.processing.detection.map.envelope` gives them; `mean_envelope` times `mean_gain` (row,): of
+    echoes in a subtracted mean. `smallest`: power of the weakest peak over the strongest's. `smear`: cells crossed in a
+    frame per row of velocity.
     """
 
 def training_medians(

@@ -1,10 +1,18 @@
 //! Peaks of a map of powers over velocity and range: where they are between the cells, and the noise around them.
 
+use std::ops::Range;
+
 /// Least power of neighbours relative to their peak, because zero has no logarithm.
 const LEAST: f64 = 1e-30;
 
 /// Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope.
 const FLAT: f64 = 1e-30;
+
+/// Points of an envelope per cell.
+const PER_CELL: f64 = 16.0;
+
+/// Error of the parabola through three cells, in noise [cells].
+const OFF_PEAK: f64 = 0.1;
 
 /// Powers `(row, column)`. Rows are cyclic.
 pub struct Map<'a> {
@@ -21,7 +29,144 @@ pub struct Top {
     pub height: f64,
 }
 
+/// Amplitudes of the sidelobes of echoes, relative to their peaks.
+pub struct Sidelobes<'a> {
+    /// Envelopes by the distance along rows and columns, 16 points per cell; constant after the last.
+    pub envelopes: [&'a [f64]; 2],
+    /// Envelope along rows of echoes in the subtracted mean of the chirps.
+    pub mean_envelope: &'a [f64],
+    /// Gain of this mean in every row.
+    pub mean_gain: &'a [f64],
+    /// Rows, and columns of the whole transform.
+    pub periods: [f64; 2],
+    /// Cells crossed by a target during a frame, per row of its velocity.
+    pub smear: f64,
+    /// The spectrum of real samples contains a mirror image of every echo.
+    pub is_mirrored: bool,
+}
+
+impl Sidelobes<'_> {
+    /// Largest amplitude of the lobes of a peak in a cell.
+    fn of(&self, peak: [f64; 2], cell: [f64; 2]) -> f64 {
+        // Motion of a target during the frame widens its lobes along both axes equally.
+        let middle = (0.5 * self.periods[0]).floor();
+        let speed = (peak[0] - middle).abs();
+        let widened = OFF_PEAK + 0.5 * self.smear * speed.min(self.periods[0] - speed);
+        let images = [peak, [2.0 * middle - peak[0], -peak[1]]];
+        let of_image = |image: &[f64; 2]| {
+            let [row, column] = [0, 1].map(|axis| {
+                let distance = (cell[axis] - image[axis]).abs();
+                ((distance.min(self.periods[axis] - distance) - widened).max(0.0) * PER_CELL) as usize
+            });
+            let at = |envelope: &[f64], point: usize| envelope[point.min(envelope.len() - 1)];
+            let in_mean = self.mean_gain[cell[0].rem_euclid(self.periods[0]) as usize] * at(self.mean_envelope, row);
+            at(self.envelopes[0], row).max(in_mean) * at(self.envelopes[1], column)
+        };
+        images[..1 + usize::from(self.is_mirrored)].iter().map(of_image).sum()
+    }
+}
+
 impl Map<'_> {
+    /// Cells above their thresholds that no neighbour exceeds, and their thresholds.
+    ///
+    /// A threshold is `scale` times the sum of the training cells; cells without a scale are not tested. `trained` and
+    /// `scale` (row, column) hold the columns `searched`.
+    pub fn maxima_above(
+        &self,
+        trained: &[f64],
+        scale: &[f64],
+        searched: Range<usize>,
+        guards: [usize; 2],
+        trainings: [usize; 2],
+    ) -> (Vec<[usize; 2]>, Vec<f64>) {
+        let (height, width) = (self.shape[0], searched.len());
+        // Sums of all cells before a row and a column; then of windows about a cell.
+        let mut sums = vec![0.0; (height + 1) * (width + 1)];
+        for row in 0..height {
+            let (above, below) = sums[row * (width + 1)..].split_at_mut(width + 1);
+            let mut of_row = 0.0;
+            for column in 0..width {
+                of_row += trained[row * width + column];
+                below[column + 1] = above[column + 1] + of_row;
+            }
+        }
+        let window = |row: usize, column: usize, reach: [usize; 2]| {
+            let [top, bottom] =
+                [row.saturating_sub(reach[0]), height.min(row + reach[0] + 1)].map(|row| row * (width + 1));
+            let [left, right] = [column.saturating_sub(reach[1]), width.min(column + reach[1] + 1)];
+            (sums[bottom + right] - sums[bottom + left]) - (sums[top + right] - sums[top + left])
+        };
+        let outer = [0, 1].map(|axis| guards[axis] + trainings[axis]);
+        let mut found = (Vec::new(), Vec::new());
+        for row in 0..height {
+            for column in 0..width {
+                let (scale, cell) = (scale[row * width + column], [row, searched.start + column]);
+                let threshold = scale * (window(row, column, outer) - window(row, column, guards)).max(0.0);
+                if scale > 0.0 && self.at(cell) > threshold && self.is_local_maximum(cell) {
+                    found.0.push(cell);
+                    found.1.push(threshold);
+                }
+            }
+        }
+        found
+    }
+
+    /// Indices of `peaks` that exceed the powers `least` after subtraction of the sidelobes of all stronger echoes, the
+    /// strongest first, and their offsets from the middle of their cells.
+    ///
+    /// Also the largest local maximum of every column outside of `searched`, such as leakage, has sidelobes. Peaks below
+    /// `smallest` times the highest are left out.
+    pub fn above_sidelobes(
+        &self,
+        peaks: &[[usize; 2]],
+        least: &[f64],
+        lobes: &Sidelobes,
+        searched: Range<usize>,
+        smallest: f64,
+    ) -> Vec<(usize, [f64; 2])> {
+        let beside = (0..searched.start)
+            .chain(searched.end..self.shape[1])
+            .filter_map(|column| {
+                let higher = |best, row| {
+                    if self.at([row, column]) > self.at([best, column]) {
+                        row
+                    } else {
+                        best
+                    }
+                };
+                let highest = [(0..self.shape[0]).fold(0, higher), column];
+                self.is_local_maximum(highest).then_some(highest)
+            });
+        let cells: Vec<_> = peaks.iter().copied().chain(beside).collect();
+        let tops: Vec<_> = cells.iter().map(|cell| self.top(*cell)).collect();
+        let weakest = smallest * tops[..peaks.len()].iter().map(|top| top.height).fold(0.0, f64::max);
+        let margin = |index: usize| {
+            let least = least.get(index).map(|least| least.max(weakest).sqrt());
+            least.map_or(f64::INFINITY, |least| self.at(cells[index]).sqrt() - least)
+        };
+        let places: Vec<_> = cells
+            .iter()
+            .zip(&tops)
+            .map(|(cell, top)| [0, 1].map(|axis| cell[axis] as f64 + top.offset[axis]))
+            .collect();
+
+        let mut order: Vec<_> = (0..cells.len()).filter(|index| margin(*index) > 0.0).collect();
+        order.sort_by(|a, b| tops[*b].height.total_cmp(&tops[*a].height));
+        let mut kept: Vec<usize> = Vec::new();
+        for index in order {
+            let cell = places[index].map(f64::round_ties_even);
+            let leaked: f64 = kept
+                .iter()
+                .map(|other| lobes.of(places[*other], cell) * tops[*other].height.sqrt())
+                .sum();
+            if leaked < margin(index) {
+                kept.push(index);
+            }
+        }
+        kept.retain(|index| *index < peaks.len());
+        kept.into_iter().map(|index| (index, tops[index].offset)).collect()
+    }
+
     /// True for cells with power that none of eight neighbours exceeds.
     pub fn is_local_maximum(&self, cell: [usize; 2]) -> bool {
         let [rows, columns] = self.around(cell);

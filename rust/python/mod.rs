@@ -44,6 +44,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
     module.add_function(wrap_pyfunction!(processing::local_maxima, module)?)?;
     module.add_function(wrap_pyfunction!(processing::between_cells, module)?)?;
+    module.add_function(wrap_pyfunction!(processing::maxima_above, module)?)?;
+    module.add_function(wrap_pyfunction!(processing::above_sidelobes, module)?)?;
     module.add_function(wrap_pyfunction!(processing::training_medians, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_tones, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;

@@ -1,5 +1,7 @@
 //! Processing: peaks of maps, and tones in the cells about them.
 
+use std::ops::Range;
+
 use num_complex::Complex;
 use num_traits::AsPrimitive;
 use numpy::{
@@ -10,7 +12,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
-use crate::processing::peaks::Map;
+use crate::processing::peaks::{Map, Sidelobes};
 use crate::processing::spheres::{self, Aperture};
 use crate::processing::tone_fit::{Axes, MapCells, fit};
 
@@ -62,19 +64,101 @@ pub(super) fn training_medians<'py>(
     Ok(found.into_pyarray(py))
 }
 
+/// Local maxima of some columns of a map above thresholds, and the thresholds.
+#[pyfunction(signature = (power, trained, scale, *, first, guards, trainings, is_cyclic))]
+pub(super) fn maxima_above<'py>(
+    py: Python<'py>,
+    power: PyReadonlyArray2<'py, f64>,
+    trained: PyReadonlyArray2<'py, f64>,
+    scale: PyReadonlyArray2<'py, f64>,
+    first: usize,
+    guards: [usize; 2],
+    trainings: [usize; 2],
+    is_cyclic: bool,
+) -> PyResult<(Bound<'py, PyArray2<i64>>, Bound<'py, PyArray1<f64>>)> {
+    let map = map_of(&power, is_cyclic)?;
+    let searched = within("trained", first..first + trained.shape()[1], map.shape[1])?;
+    let shape = [Some(map.shape[0]), Some(searched.len())];
+    let (trained, scale) = (numbers("trained", &trained, shape)?, numbers("scale", &scale, shape)?);
+    let (cells, thresholds) = py.detach(|| map.maxima_above(trained, scale, searched, guards, trainings));
+    Ok((index_array(py, cells)?, thresholds.into_pyarray(py)))
+}
+
+/// Peaks above the sidelobes of stronger ones, and their offsets from the middle of their cells.
+#[pyfunction(signature = (
+    power, peaks, least, envelopes, mean_envelope, mean_gain, *, searched, smallest, smear, num_samples, is_cyclic
+))]
+pub(super) fn above_sidelobes<'py>(
+    py: Python<'py>,
+    power: PyReadonlyArray2<'py, f64>,
+    peaks: PyReadonlyArray2<'py, i64>,
+    least: PyReadonlyArray1<'py, f64>,
+    envelopes: [PyReadonlyArray1<'py, f64>; 2],
+    mean_envelope: PyReadonlyArray1<'py, f64>,
+    mean_gain: PyReadonlyArray1<'py, f64>,
+    searched: [usize; 2],
+    smallest: f64,
+    smear: f64,
+    num_samples: usize,
+    is_cyclic: bool,
+) -> PyResult<(Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>)> {
+    let (map, cells) = map_and_cells(&power, is_cyclic, &peaks)?;
+    let [num_rows, num_columns] = map.shape;
+    let lobes = Sidelobes {
+        envelopes: [
+            numbers("envelopes", &envelopes[0], [None])?,
+            numbers("envelopes", &envelopes[1], [None])?,
+        ],
+        mean_envelope: numbers("mean_envelope", &mean_envelope, [None])?,
+        mean_gain: numbers("mean_gain", &mean_gain, [Some(num_rows)])?,
+        periods: [num_rows as f64, num_samples as f64],
+        smear,
+        is_mirrored: !is_cyclic && num_columns > 1,
+    };
+    let least = numbers("least", &least, [Some(cells.len())])?;
+    let searched = within("searched", searched[0]..searched[1], num_columns)?;
+    let (kept, offsets): (Vec<_>, Vec<_>) = map
+        .above_sidelobes(&cells, least, &lobes, searched, smallest)
+        .into_iter()
+        .map(|(index, offset)| (cells[index], offset))
+        .unzip();
+    Ok((index_array(py, kept)?, matrix(py, offsets)?))
+}
+
+/// Columns, which a map with a number of them must have.
+fn within(name: &str, columns: Range<usize>, number: usize) -> PyResult<Range<usize>> {
+    if columns.start <= columns.end && columns.end <= number {
+        return Ok(columns);
+    }
+    Err(Error::value(name, format!("columns up to {number}"), format!("{columns:?}")).into())
+}
+
+/// Rows and columns of cells, (cell, 2).
+fn index_array(py: Python<'_>, cells: Vec<[usize; 2]>) -> PyResult<Bound<'_, PyArray2<i64>>> {
+    matrix(
+        py,
+        cells.into_iter().map(|cell| cell.map(|index| index as i64)).collect(),
+    )
+}
+
 fn map_and_cells<'a>(
     power: &'a PyReadonlyArray2<'_, f64>,
     is_cyclic: bool,
     cells: &PyReadonlyArray2<'_, i64>,
 ) -> PyResult<(Map<'a>, Vec<[usize; 2]>)> {
+    let map = map_of(power, is_cyclic)?;
+    let cells = indices("cells", cells, map.shape)?;
+    Ok((map, cells))
+}
+
+fn map_of<'a>(power: &'a PyReadonlyArray2<'_, f64>, is_cyclic: bool) -> PyResult<Map<'a>> {
     let shape = [power.shape()[0], power.shape()[1]];
     let power = numbers("power", power, [None; 2])?;
-    let map = Map {
+    Ok(Map {
         power,
         shape,
         is_cyclic,
-    };
-    Ok((map, indices("cells", cells, shape)?))
+    })
 }
 
 /// Rows and columns, which a map of a shape must have.

@@ -18,10 +18,8 @@ from radarcore.processing.detection.map import (
     MAIN_LOBE,
     DetectionSettings,
     Layout,
-    Search,
     prepared,
     settings_of,
-    sidelobes,
 )
 from radarcore.processing.detection.point_cloud import Detections, detections_of
 from radarcore.processing.detection.tone import fit, refit_beside, refit_near
@@ -33,9 +31,6 @@ from radarcore.products import real_inner
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame
-
-_OFF_PEAK = 0.1
-"""Error of the parabola through three cells, in noise [cells]."""
 
 _LARGEST_NOISE = 20.0
 """Powers above this many medians are echoes rather than noise."""
@@ -184,24 +179,28 @@ def detect(
     cells, power = _map(samples, wf, layout, settings, bands)
     trained = _with_noise(power[:, search.first : search.last])
     doubles = power.astype(np.float64)
-    thresholds = search.thresholds(trained)
-    is_above = search.is_tested & (doubles[:, search.first : search.last] > thresholds)
-    rows, columns = np.divmod(np.flatnonzero(is_above), is_above.shape[1])  # in less time than by `nonzero`
-    peaks = np.stack([rows, columns + search.first], axis=1)
-    peaks = peaks[_core.local_maxima(doubles, peaks, is_cyclic=layout.is_iq)]
+    peaks, thresholds = search.maxima(doubles, trained)
     if bands is not None:
-        peaks = peaks[bands.are_true(doubles, peaks)]
-    at = peaks[:, 0], peaks[:, 1] - search.first
+        is_true = bands.are_true(doubles, peaks)
+        peaks, thresholds = peaks[is_true], thresholds[is_true]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
 
-    # Discard sidelobes and rounding errors of the samples.
+    # Discard rounding errors of the samples and sidelobes.
     noise_floor = max(layout.rounding * energy, layout.num_looks * LEAST_NOISE)
-    sources = np.concatenate([peaks, _unsearched_maxima(doubles, search)])
-    offset, height = _core.between_cells(doubles, sources, is_cyclic=layout.is_iq)
-    weakest = height[: len(peaks)].max(initial=0.0) * 10.0 ** (-0.1 * dynamic_range_db)
-    least = np.maximum(np.maximum(thresholds[at], search.factor[at] * noise_floor), weakest)
-    kept = _above_sidelobes((sources + offset).T, height, doubles[*peaks.T], least, layout)
-    peaks, offset = peaks[kept], offset[kept]
+    least = np.maximum(thresholds, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
+    peaks, offset = _core.above_sidelobes(
+        doubles,
+        peaks,
+        least,
+        layout.envelopes,
+        layout.mean_envelope,
+        layout.mean_gain,
+        searched=(search.first, search.last),
+        smallest=10.0 ** (-0.1 * dynamic_range_db),
+        smear=layout.smear,
+        num_samples=len(layout.fast),
+        is_cyclic=layout.is_iq,
+    )
 
     # Fit the tones, and estimate their SNR.
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
@@ -285,62 +284,6 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     filled = power.copy()
     filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * np.median(power[full])))
     return filled
-
-
-def _unsearched_maxima(power: NDArray[np.float64], search: Search) -> NDArray[np.int64]:
-    """Largest local maximum of each column outside of the search, such as leakage: (cell, row and column)."""
-    beside = [*range(search.first), *range(search.last, search.layout.num_columns)]
-    cells = np.ascontiguousarray(np.array([power[:, beside].argmax(axis=0), beside], dtype=np.int64).T)
-    return np.asarray(cells[_core.local_maxima(power, cells, is_cyclic=search.layout.is_iq)])
-
-
-def _above_sidelobes(
-    peaks: NDArray[np.float64],
-    height: NDArray[np.float64],
-    cell: NDArray[np.float64],
-    threshold: NDArray[np.float64],
-    layout: Layout,
-) -> NDArray[np.intp]:
-    """Maxima above their thresholds after subtraction of the sidelobes of all stronger ones, the strongest first.
-
-    `peaks` are the rows and columns of the maxima (axis, peak) and `height` their powers. `cell` and `threshold` are
-    the powers of the tested cells, which are the first maxima. All other maxima only contribute sidelobes.
-    """
-    margin = np.full(len(height), np.inf)
-    margin[: len(cell)] = np.sqrt(cell) - np.sqrt(threshold)
-    order = (-height).argsort(kind="stable")
-    order = order[margin[order] > 0.0]
-    peaks, margin = peaks[:, order], margin[order]
-
-    # Motion of a target during the frame widens its lobes along both axes equally.
-    speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
-    widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
-    sources = peaks[:, None]
-    if layout.has_range and not layout.is_iq:  # the spectrum of real samples has a mirror image
-        sources = np.array([peaks, [2 * (layout.num_rows // 2) - peaks[0], -peaks[1]]]).swapaxes(0, 1)
-    lobes = _lobes(sources, peaks, widened, layout).sum(axis=0) * np.sqrt(height[order])[:, None]
-
-    leaked = np.zeros(len(order))
-    kept = []
-    for index, leakage in enumerate(lobes):
-        if leaked[index] < margin[index]:
-            kept.append(order[index])
-            leaked += leakage
-    return np.array([index for index in kept if index < len(cell)], dtype=np.intp)
-
-
-def _lobes(
-    peaks: NDArray[np.float64], cells: NDArray[np.float64], widened: NDArray[np.float64], layout: Layout
-) -> NDArray[np.float64]:
-    """Largest relative amplitude of the lobes of peaks (axis, 1 or 2, peak) in cells, (1 or 2, peak, cell)."""
-    distance = np.abs(np.rint(cells)[:, None, None] - peaks[..., None])
-    around = np.minimum(distance, np.array([layout.num_rows, len(layout.fast)])[:, None, None, None] - distance)
-    rows, columns = np.maximum(around - widened[:, None], 0.0)
-    lobes = sidelobes(layout.envelopes[0], rows)
-    in_mean = layout.mean_gain[np.rint(cells[0]).astype(np.intp) % layout.num_rows]
-    if in_mean.any():
-        lobes = np.maximum(lobes, in_mean * sidelobes(layout.mean_envelope, rows))
-    return np.asarray(lobes * sidelobes(layout.envelopes[1], columns))
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:

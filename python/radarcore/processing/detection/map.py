@@ -18,7 +18,6 @@ from radarcore.processing.detection.cfar import (
     per_axis,
     require_training,
     training_counts,
-    training_sums,
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
 from radarcore.processing.inputs import range_limits
@@ -308,21 +307,26 @@ class Search:
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
 
-    @cached_property
-    def is_tested(self) -> NDArray[np.bool_]:
-        """True for cells with noise and with training cells, (row, column from `first` on)."""
-        return self.scale > 0.0
-
-    def thresholds(self, power: NDArray[Any]) -> NDArray[np.float64]:
-        """Thresholds of a map of the searched columns, 0 for untested cells.
+    def maxima(
+        self, power: NDArray[np.float64], trained: NDArray[Any]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Local maxima of a map above their thresholds (peak, 2), and these (peak,); `trained` has the searched columns.
 
         The noise level at every range is the median over all velocities, then over the ranges near it. Clutter that
         fills all velocities of a range, or most ranges of a profile, counts as noise.
         """
-        middle, reach = len(power) // 2, self.guards[1] + self.trainings[1]
-        near = np.partition(power, middle, axis=0)[middle, neighbours(power.shape[1], reach)]
-        limited = np.minimum(power, _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach])
-        return np.asarray(self.scale * training_sums(limited, self.guards, self.trainings))
+        middle, reach = len(trained) // 2, self.guards[1] + self.trainings[1]
+        near = np.partition(trained, middle, axis=0)[middle, neighbours(trained.shape[1], reach)]
+        limit = _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach]
+        return _core.maxima_above(
+            power,
+            np.minimum(trained, limit, dtype=np.float64),
+            self.scale,
+            first=self.first,
+            guards=self.guards,
+            trainings=self.trainings,
+            is_cyclic=self.layout.is_iq,
+        )
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Medians of the training cells around `cells` (cell, 2)."""
@@ -373,11 +377,11 @@ def envelope(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     spectrum = np.abs(np.fft.rfft(weights, _PER_CELL * len(weights))) / weights.sum()
     lobes = np.maximum.accumulate(spectrum[::-1])[::-1]
     if len(weights) < 3:
-        return lobes
+        return np.ascontiguousarray(lobes)
     cells = np.abs(np.arange(_PER_CELL // 2 + 1) + _PER_CELL * np.array([[-1], [0], [1]]))
     left, middle, right = np.log(np.maximum(spectrum[cells], 1e-12))
     found = middle - 0.125 * (right - left) ** 2 / (left - 2.0 * middle + right)
-    return np.asarray(lobes / np.exp(found).min())
+    return np.ascontiguousarray(lobes / np.exp(found).min())
 
 
 def sidelobes(envelope: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
