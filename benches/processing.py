@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from page import PERFORMANCE, machine, table, write_section
+from radarcore import _core
 from radarcore.processing.detection import detect as detection
 from radarcore.processing.detection import map as map_test
 
@@ -30,8 +31,8 @@ RATE = 40.0
 
 STAGES: dict[str, tuple[Any, str]] = {
     "transforms": (detection, "_map"),
-    "CFAR": (map_test.Search, "thresholds"),
-    "sidelobes": (detection, "_above_sidelobes"),
+    "CFAR": (map_test.Search, "maxima"),
+    "sidelobes": (_core, "above_sidelobes"),
     "fit": (detection, "fit"),
     "directions": (detection, "waves_of"),
 }

@@ -161,6 +161,7 @@ def fit_tones(
     peaks: NDArray[np.int64],
     start: NDArray[np.float64],
     series: NDArray[np.float64],
+    lobes: NDArray[np.complex128] | None,
     *,
     num_cells: tuple[int, int],
     is_cyclic: bool,
@@ -169,7 +170,8 @@ def fit_tones(
 
     `cells` (look, row, column), complex64 or complex128; `peaks` (tone, 2) their rows and columns; `start` (tone, 2)
     offsets near the tones; `series` as `radarcore.processing.detection.tone.Axes` describes them, for patches of
-    `num_cells` rows and columns. `is_cyclic`: columns go on at the other edge.
+    `num_cells` rows and columns. `is_cyclic`: columns go on at the other edge. With `lobes` of the same class, tones
+    beside stronger ones are fitted again after subtraction of these.
     """
 
 def fit_spheres(

@@ -9,6 +9,9 @@ type Complex64 = Complex<f64>;
 /// the ratio of the amplitudes of signal and noise. The residual is far below the noise up to 100 dB.
 const NUM_STEPS: usize = 2;
 
+/// Refits after subtraction of stronger tones by their previous fits.
+const NUM_REFITS: usize = 2;
+
 /// A fit that goes farther than this many cells from its start has lost the peak; the start is then kept.
 const FARTHEST: f64 = 1.0;
 
@@ -30,9 +33,22 @@ pub struct Axes<'a> {
     pub most: usize,
     /// Rows and columns of a patch.
     pub num_cells: [usize; 2],
+    /// Power series `(axis, degree, cell)` of a tone of amplitude 1, the middle cell in the middle. With these, tones
+    /// beside stronger ones are fitted again after subtraction of these.
+    pub lobes: Option<&'a [Complex64]>,
 }
 
+/// Cells of lobes.
+pub const NUM_LOBES: usize = 4 * FARTHEST_OTHER + 1;
+
+/// Largest number of rows or columns from a tone to a stronger one beside it; patches reach as far.
+const FARTHEST_OTHER: usize = 8;
+
+/// A tone in the cells around its peak.
+type Other<'a> = ([usize; 2], &'a Tone);
+
 /// The tone that fits best.
+#[derive(Clone)]
 pub struct Tone {
     /// From the middle cell along slow and fast time [cells].
     pub offset: [f64; 2],
@@ -44,14 +60,65 @@ pub struct Tone {
     pub information: [f64; 2],
 }
 
-/// Fit one tone to the cells about a peak from an offset near it.
+/// Fit tones to the cells about peaks from offsets near them, then those beside stronger ones again.
+pub fn fit_all<T: AsPrimitive<f64>>(
+    cells: &MapCells<T>,
+    peaks: &[[usize; 2]],
+    starts: &[[f64; 2]],
+    axes: &Axes,
+) -> Vec<Tone> {
+    let both = peaks.iter().zip(starts);
+    let first: Vec<_> = both.map(|(peak, start)| fit(cells, *peak, *start, axes, &[])).collect();
+    let power = |index: usize| first[index].amplitude.iter().map(Complex::norm_sqr).sum::<f64>();
+    let powers: Vec<_> = (0..peaks.len()).map(power).collect();
+    let is_stronger = |other: usize, index: usize| {
+        let steps = [0, 1].map(|axis| cells.step(axis, peaks[index][axis], peaks[other][axis]).unsigned_abs());
+        powers[other] > powers[index] && steps.into_iter().all(|step| step <= FARTHEST_OTHER)
+    };
+    let mut tones = first.clone();
+    for _ in 0..NUM_REFITS * usize::from(axes.lobes.is_some()) {
+        let refitted: Vec<_> = (0..peaks.len())
+            .map(|index| {
+                let stronger = (0..peaks.len()).filter(|other| is_stronger(*other, index));
+                let others: Vec<Other> = stronger.map(|other| (peaks[other], &tones[other])).collect();
+                (!others.is_empty()).then(|| fit(cells, peaks[index], first[index].offset, axes, &others))
+            })
+            .collect();
+        for (tone, refitted) in tones.iter_mut().zip(refitted) {
+            *tone = refitted.unwrap_or_else(|| tone.clone());
+        }
+    }
+    tones
+}
+
+/// Fit one tone to the cells about a peak, less other tones, from an offset near it.
 ///
 /// With noise of covariance C along an axis, `t^H C^-1 x` is what cells x have of a tone t: all that is needed is
 /// products of this kind, of the tone and of its derivatives. `1 / (2 snr information)` is the variance of the offset
 /// [cells^2], the Cramér-Rao bound for these cells.
-pub fn fit<T: AsPrimitive<f64>>(cells: &MapCells<T>, peak: [usize; 2], start: [f64; 2], axes: &Axes) -> Tone {
+fn fit<T: AsPrimitive<f64>>(
+    cells: &MapCells<T>,
+    peak: [usize; 2],
+    start: [f64; 2],
+    axes: &Axes,
+    others: &[Other],
+) -> Tone {
     let ([num_looks, ..], [num_rows, num_columns]) = (cells.shape, axes.num_cells);
-    let (places, patch) = cells.patch(peak, axes.num_cells);
+    let (places, mut patch) = cells.patch(peak, axes.num_cells);
+    for (other, tone) in others {
+        let [slow, fast] = [0, 1].map(|axis| -> Vec<_> {
+            let from = cells.step(axis, peak[axis], other[axis]) - places[axis] as isize;
+            let steps = (0..axes.num_cells[axis] as isize).map(|cell| from + cell);
+            steps.map(|step| axes.lobe(axis, step, tone.offset[axis])).collect()
+        });
+        for (rows, amplitude) in patch.chunks_exact_mut(num_rows * num_columns).zip(&tone.amplitude) {
+            for (cells, slow) in rows.chunks_exact_mut(num_columns).zip(&slow) {
+                for (cell, fast) in cells.iter_mut().zip(&fast) {
+                    *cell -= amplitude * slow * fast;
+                }
+            }
+        }
+    }
     let mut offset = start;
     let mut tone = None;
     for _ in 0..NUM_STEPS {
@@ -100,6 +167,17 @@ pub fn fit<T: AsPrimitive<f64>>(cells: &MapCells<T>, peak: [usize; 2], start: [f
 }
 
 impl<T: AsPrimitive<f64>> MapCells<'_, T> {
+    /// Cells from one row or column to another, the shorter way around if they are cyclic.
+    fn step(&self, axis: usize, to: usize, from: usize) -> isize {
+        let (step, length) = (to as isize - from as isize, self.shape[axis + 1] as isize);
+        let half = length / 2;
+        if axis == 0 || self.is_cyclic {
+            (step + half).rem_euclid(length) - half
+        } else {
+            step
+        }
+    }
+
     /// Cells about a peak (look, row, column), and how many of its rows and columns are before it.
     fn patch(&self, peak: [usize; 2], num_cells: [usize; 2]) -> ([usize; 2], Vec<Complex64>) {
         let [num_looks, height, width] = self.shape;
@@ -131,6 +209,15 @@ struct InCells {
 }
 
 impl Axes<'_> {
+    /// A tone of amplitude 1 some cells from its middle cell.
+    fn lobe(&self, axis: usize, step: isize, offset: f64) -> Complex64 {
+        let cell = (NUM_LOBES / 2).wrapping_add_signed(step);
+        let lobes = self.lobes.expect("lobes of tones to subtract");
+        let of_axis = &lobes[axis * lobes.len() / 2..][..lobes.len() / 2];
+        let degrees = of_axis.chunks_exact(NUM_LOBES).rev();
+        degrees.fold(Complex64::ZERO, |sum, coefficients| sum * offset + coefficients[cell])
+    }
+
     /// The series of an axis at an offset.
     fn at(&self, axis: usize, place: usize, offset: f64) -> InCells {
         let length = 8 * self.most;

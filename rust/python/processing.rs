@@ -14,7 +14,7 @@ use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
 use crate::processing::peaks::{Map, Sidelobes};
 use crate::processing::spheres::{self, Aperture};
-use crate::processing::tone_fit::{Axes, MapCells, fit};
+use crate::processing::tone_fit::{Axes, MapCells, NUM_LOBES, fit_all};
 
 /// Places (peak, 2) and a number of each.
 type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
@@ -195,19 +195,21 @@ type ToneArrays<'py> = (
 );
 
 /// Fit a tone to the cells about each peak.
-#[pyfunction(signature = (cells, peaks, start, series, *, num_cells, is_cyclic))]
+#[pyfunction(signature = (cells, peaks, start, series, lobes, *, num_cells, is_cyclic))]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
     cells: AnyCells<'py>,
     peaks: PyReadonlyArray2<'py, i64>,
     start: PyReadonlyArray2<'py, f64>,
     series: PyReadonlyArray4<'py, f64>,
+    lobes: Option<PyReadonlyArray3<'py, Complex<f64>>>,
     num_cells: [usize; 2],
     is_cyclic: bool,
 ) -> PyResult<ToneArrays<'py>> {
+    let lobes = lobes.as_ref();
     match cells {
-        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
-        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, lobes, num_cells, is_cyclic),
+        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, lobes, num_cells, is_cyclic),
     }
 }
 
@@ -217,6 +219,7 @@ fn tones<'py, T: Element + AsPrimitive<f64>>(
     peaks: &PyReadonlyArray2<'py, i64>,
     start: &PyReadonlyArray2<'py, f64>,
     series: &PyReadonlyArray4<'py, f64>,
+    lobes: Option<&PyReadonlyArray3<'py, Complex<f64>>>,
     num_cells: [usize; 2],
     is_cyclic: bool,
 ) -> PyResult<ToneArrays<'py>>
@@ -240,14 +243,15 @@ where
         series: numbers("series", series, [Some(2), Some(most), None, Some(8 * most)])?,
         most,
         num_cells,
+        lobes: match lobes {
+            Some(lobes) => Some(numbers("lobes", lobes, [Some(2), None, Some(NUM_LOBES)])?),
+            None => None,
+        },
     };
     let peaks = indices("peaks", peaks, [num_rows, num_columns])?;
     let number = peaks.len();
     let start: &[[f64; 2]] = numbers("start", start, [Some(number), Some(2)])?.as_chunks().0;
-    let tones: Vec<_> = py.detach(|| {
-        let both = peaks.iter().zip(start);
-        both.map(|(peak, start)| fit(&map, *peak, *start, &axes)).collect()
-    });
+    let tones = py.detach(|| fit_all(&map, &peaks, start, &axes));
     let amplitudes: Vec<_> = tones.iter().flat_map(|tone| &tone.amplitude).copied().collect();
     let energy_gains: Vec<_> = tones.iter().map(|tone| tone.energy_gain).collect();
     Ok((

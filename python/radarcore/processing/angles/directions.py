@@ -195,7 +195,7 @@ def waves_of(
     if not (is_known.any() and any(array.observable)):
         nothing = np.full((len(values), 3, 2), np.nan)
         return Waves(_directions(array, nothing[:, 0], nothing[:, 1:], np.ones(len(values), dtype=bool)))
-    if not is_known.all():
+    if not (all_known := bool(is_known.all())):
         values, size = np.where(is_known[:, None], values, 1.0), np.where(is_known, size, 1.0)
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
@@ -225,7 +225,8 @@ def waves_of(
         wavenumber=array.wavenumber,
         observable=array.observable,
     )
-    sines[~is_known] = np.nan
+    if not all_known:
+        sines[~is_known] = np.nan
     if snr is None:
         nothing = np.full((len(values), 2, 2), np.nan)
         return Waves(_directions(array, sines, nothing, np.ones(len(values), dtype=bool)))
@@ -240,7 +241,8 @@ def waves_of(
         variance[is_several] *= _interference(residual[is_several], array, 1)
     inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
     covariance = inverse * variance[:, None, None]
-    covariance[~is_known] = np.nan
+    if not all_known:
+        covariance[~is_known] = np.nan
     (several,) = is_over_noise.nonzero()
     if not (len(several) and array.separates_waves):
         return Waves(_directions(array, sines, covariance, ~is_several))

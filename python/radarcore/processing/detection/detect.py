@@ -22,7 +22,7 @@ from radarcore.processing.detection.map import (
     settings_of,
 )
 from radarcore.processing.detection.point_cloud import Detections, detections_of
-from radarcore.processing.detection.tone import fit, refit_beside, refit_near
+from radarcore.processing.detection.tone import fit, refit_near
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame
 from radarcore.processing.spectra.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
 from radarcore.processing.spectra.spectra import fast_spectrum, transformed
@@ -205,8 +205,7 @@ def detect(
     # Fit the tones, and estimate their SNR.
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
-    tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
-    tones = refit_beside(cells, peaks, tones, layout.axes, is_cyclic=layout.is_iq)
+    tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq, subtract_stronger=True)
     if layout.has_range and not (layout.is_iq or subtract_mean or bands):
         windows = layout.slow, layout.fast
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)

@@ -310,7 +310,7 @@ class Search:
     def maxima(
         self, power: NDArray[np.float64], trained: NDArray[Any]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Local maxima of a map above their thresholds (peak, 2), and these (peak,); `trained` has the searched columns.
+        """Local maxima of a map above thresholds (peak, 2), and these (peak,); `trained` has the searched columns.
 
         The noise level at every range is the median over all velocities, then over the ranges near it. Clutter that
         fills all velocities of a range, or most ranges of a profile, counts as noise.

@@ -19,14 +19,13 @@ the bound for all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.8
 attenuated by the window's sidelobes."""
 
 _FARTHEST = 4 * REACH
-"""Cells from the middle of a tone to the farthest cell of a patch of a tone nearby."""
+"""Cells from the middle of a tone to the farthest cell of a tone nearby."""
 
 _MIRRORED = 6.0
 """Last column where the mirror image of a real tone disturbs its fit; farther on a Hann window attenuates by 60 dB."""
 
 _NUM_REFITS = 2
-"""Refits after subtraction of other tones by their previous fits; each reduces the error of mirror images by a factor
-of 100."""
+"""Refits after subtraction of the mirror images of the previous fit; each reduces the error by a factor of 100."""
 
 _DEGREE = 24
 """Degree of the polynomials; their error is pi^25 / 25! = 2e-13 for a peak one cell from the middle."""
@@ -126,7 +125,13 @@ def axes_of(
 
 
 def fit(
-    cells: NDArray[Any], peaks: NDArray[np.intp], start: NDArray[np.float64], axes: Axes, *, is_cyclic: bool
+    cells: NDArray[Any],
+    peaks: NDArray[np.intp],
+    start: NDArray[np.float64],
+    axes: Axes,
+    *,
+    is_cyclic: bool,
+    subtract_stronger: bool = False,
 ) -> Fit:
     """Fit one tone to the cells around each peak.
 
@@ -141,66 +146,14 @@ def fit(
     axes : Axes
     is_cyclic : bool
         Columns wrap around at the edges, as rows do; otherwise only cells inside of the edges are used.
+    subtract_stronger : bool
+        Refit tones beside stronger ones after subtraction of these: their lobes are in the same cells. Otherwise the
+        weak echo of a person beside a wall gets the direction of the wall.
     """
     both = np.ascontiguousarray(peaks, dtype=np.int64), np.ascontiguousarray(start)
     map_ = np.ascontiguousarray(cells)
-    return Fit(*_core.fit_tones(map_, *both, axes.series, num_cells=axes.num_cells, is_cyclic=is_cyclic))
-
-
-def refit_beside(
-    cells: NDArray[Any],
-    peaks: NDArray[np.intp],
-    tones: Fit,
-    axes: Axes,
-    *,
-    is_cyclic: bool,
-) -> Fit:
-    """Refit tones beside stronger ones after subtraction of these: their lobes are in the same cells.
-
-    Otherwise the weak echo of a person beside a wall gets the direction of the wall.
-
-    Parameters
-    ----------
-    cells, peaks, axes, is_cyclic
-        As in `fit`.
-    tones : Fit
-        Result of `fit`.
-    """
-    shape, num_cells, is_wrapped = np.array(cells.shape[1:]), np.array(axes.num_cells), np.array([True, is_cyclic])
-    power = np.square(np.abs(tones.amplitude)).sum(axis=1)
-    apart = np.abs(peaks[:, None] - peaks)
-    apart = np.where(is_wrapped, np.minimum(apart, shape - apart), apart)
-    weaker, stronger = ((apart <= 2 * REACH).all(axis=2) & (power[:, None] < power)).nonzero()
-    if len(weaker) == 0:
-        return tones
-    is_first = np.diff(weaker, prepend=-1) > 0
-    (firsts,) = is_first.nonzero()
-    refitted, index = weaker[firsts], is_first.cumsum() - 1
-
-    # Cells of each tone, one below the other.
-    first = peaks[refitted] - num_cells // 2
-    first = np.where(is_wrapped, first, np.minimum(np.maximum(first, 0), shape - num_cells))
-    rows, columns = (first[:, axis, None] + np.arange(num_cells[axis]) for axis in (0, 1))
-    around = cells[:, rows[:, :, None] % shape[0], columns[:, None] % shape[1]]
-    middle = peaks[refitted] - first + np.outer(np.arange(len(refitted)), [num_cells[0], 0])
-
-    steps = [near[index] - peaks[stronger, axis, None] for axis, near in enumerate((rows, columns))]
-    steps = [(s + n // 2) % n - n // 2 if wraps else s for s, n, wraps in zip(steps, shape, is_wrapped, strict=True)]
-
-    offset, amplitude = tones.offset.copy(), tones.amplitude.copy()
-    for _ in range(_NUM_REFITS):
-        across, along = (
-            np.take_along_axis(np.vander(offset[stronger, axis], _DEGREE + 1, increasing=True) @ lobes, places, axis=1)
-            for axis, (lobes, places) in enumerate(zip(axes.lobes, [step + _FARTHEST for step in steps], strict=True))
-        )
-        pairs = amplitude[stronger, :, None, None] * (across[:, :, None] * along[:, None])[:, None]
-        leaked = np.add.reduceat(pairs, firsts).swapaxes(0, 1)  # of all stronger tones of each
-        alone = (around - leaked).astype(cells.dtype).reshape(len(cells), -1, num_cells[1])
-        found = fit(alone, middle, tones.offset[refitted], axes, is_cyclic=False)
-        offset[refitted], amplitude[refitted] = found.offset, found.amplitude
-    energy_gain, information = tones.energy_gain.copy(), tones.information.copy()
-    energy_gain[refitted], information[refitted] = found.energy_gain, found.information
-    return Fit(offset, amplitude, energy_gain, information)
+    lobes = axes.lobes if subtract_stronger else None
+    return Fit(*_core.fit_tones(map_, *both, axes.series, lobes, num_cells=axes.num_cells, is_cyclic=is_cyclic))
 
 
 @lru_cache(maxsize=16)
