@@ -161,7 +161,7 @@ def fit_tones(
     peaks: NDArray[np.int64],
     start: NDArray[np.float64],
     series: NDArray[np.float64],
-    lobes: NDArray[np.complex128] | None,
+    lobes: NDArray[np.complex128] | None = None,
     *,
     num_cells: tuple[int, int],
     is_cyclic: bool,

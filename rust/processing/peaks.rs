@@ -58,11 +58,11 @@ impl Sidelobes<'_> {
                 let distance = (cell[axis] - image[axis]).abs();
                 ((distance.min(self.periods[axis] - distance) - widened).max(0.0) * PER_CELL) as usize
             });
-            let at = |envelope: &[f64], point: usize| envelope[point.min(envelope.len() - 1)];
+            let at = |envelope: &[f64], point: usize| *envelope.get(point).or(envelope.last()).unwrap_or(&0.0);
             let in_mean = self.mean_gain[cell[0].rem_euclid(self.periods[0]) as usize] * at(self.mean_envelope, row);
             at(self.envelopes[0], row).max(in_mean) * at(self.envelopes[1], column)
         };
-        images[..1 + usize::from(self.is_mirrored)].iter().map(of_image).sum()
+        images[..=usize::from(self.is_mirrored)].iter().map(of_image).sum()
     }
 }
 
@@ -134,7 +134,7 @@ impl Map<'_> {
                         best
                     }
                 };
-                let highest = [(0..self.shape[0]).fold(0, higher), column];
+                let highest = [(0..self.shape[0]).reduce(higher)?, column];
                 self.is_local_maximum(highest).then_some(highest)
             });
         let cells: Vec<_> = peaks.iter().copied().chain(beside).collect();
@@ -268,6 +268,39 @@ mod tests {
         // The first cell's neighbour around the edge is the largest of all.
         assert_eq!(maxima(true), [7]);
         assert_eq!(maxima(false), [0, 7]);
+    }
+
+    #[test]
+    fn maxima_exceed_their_scale_times_the_training_cells() {
+        // The training cells of the last column's 9 are the first searched column: 2, 8 and 4.
+        let found = |scale: f64| {
+            let trained: Vec<f64> = POWER.chunks_exact(4).flat_map(|row| row[2..].to_vec()).collect();
+            map(false).maxima_above(&trained, &[scale; 6], 2..4, [1, 0], [0, 1]).0
+        };
+        assert_eq!(found(8.9 / 14.0), [[1, 3]]);
+        assert!(found(9.1 / 14.0).is_empty());
+        assert!(found(0.0).is_empty());
+    }
+
+    #[test]
+    fn sidelobes_of_a_stronger_echo_count_also_beside_the_searched_columns() {
+        let (none, lobes) = ([0.0], [1.0; 200]);
+        let sidelobes = Sidelobes {
+            envelopes: [&lobes, &lobes],
+            mean_envelope: &none,
+            mean_gain: &[0.0; 3],
+            periods: [3.0, 6.0],
+            smear: 0.0,
+            is_mirrored: false,
+        };
+        let kept = |searched, peaks: &[[usize; 2]]| {
+            let found = map(false).above_sidelobes(peaks, &vec![0.0; peaks.len()], &sidelobes, searched, 0.0);
+            found.into_iter().map(|(index, _)| index).collect::<Vec<_>>()
+        };
+        // Lobes as high as the echo itself: nothing weaker remains.
+        assert_eq!(kept(0..4, &[[0, 0], [1, 3]]), [1]);
+        assert_eq!(kept(0..4, &[[0, 0]]), [0]);
+        assert!(kept(0..3, &[[0, 0]]).is_empty());
     }
 
     #[test]

@@ -107,8 +107,8 @@ fn fit<T: AsPrimitive<f64>>(
     let (places, mut patch) = cells.patch(peak, axes.num_cells);
     for (other, tone) in others {
         let [slow, fast] = [0, 1].map(|axis| -> Vec<_> {
-            let from = cells.step(axis, peak[axis], other[axis]) - places[axis] as isize;
-            let steps = (0..axes.num_cells[axis] as isize).map(|cell| from + cell);
+            let from = cells.step(axis, peak[axis], other[axis]) - places[axis].cast_signed();
+            let steps = (0..axes.num_cells[axis].cast_signed()).map(|cell| from + cell);
             steps.map(|step| axes.lobe(axis, step, tone.offset[axis])).collect()
         });
         for (rows, amplitude) in patch.chunks_exact_mut(num_rows * num_columns).zip(&tone.amplitude) {
@@ -169,7 +169,10 @@ fn fit<T: AsPrimitive<f64>>(
 impl<T: AsPrimitive<f64>> MapCells<'_, T> {
     /// Cells from one row or column to another, the shorter way around if they are cyclic.
     fn step(&self, axis: usize, to: usize, from: usize) -> isize {
-        let (step, length) = (to as isize - from as isize, self.shape[axis + 1] as isize);
+        let (step, length) = (
+            to.cast_signed() - from.cast_signed(),
+            self.shape[axis + 1].cast_signed(),
+        );
         let half = length / 2;
         if axis == 0 || self.is_cyclic {
             (step + half).rem_euclid(length) - half

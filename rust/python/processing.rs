@@ -19,6 +19,9 @@ use crate::processing::tone_fit::{Axes, MapCells, NUM_LOBES, fit_all};
 /// Places (peak, 2) and a number of each.
 type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
+/// Rows and columns of peaks (peak, 2), and an array with something of each.
+type Peaks<'py, T> = (Bound<'py, PyArray2<i64>>, Bound<'py, T>);
+
 /// True for cells of a map with power that none of their neighbours exceeds.
 #[pyfunction(signature = (power, cells, *, is_cyclic))]
 pub(super) fn local_maxima<'py>(
@@ -75,7 +78,7 @@ pub(super) fn maxima_above<'py>(
     guards: [usize; 2],
     trainings: [usize; 2],
     is_cyclic: bool,
-) -> PyResult<(Bound<'py, PyArray2<i64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<Peaks<'py, PyArray1<f64>>> {
     let map = map_of(&power, is_cyclic)?;
     let searched = within("trained", first..first + trained.shape()[1], map.shape[1])?;
     let shape = [Some(map.shape[0]), Some(searched.len())];
@@ -101,7 +104,7 @@ pub(super) fn above_sidelobes<'py>(
     smear: f64,
     num_samples: usize,
     is_cyclic: bool,
-) -> PyResult<(Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<Peaks<'py, PyArray2<f64>>> {
     let (map, cells) = map_and_cells(&power, is_cyclic, &peaks)?;
     let [num_rows, num_columns] = map.shape;
     let lobes = Sidelobes {
@@ -137,7 +140,10 @@ fn within(name: &str, columns: Range<usize>, number: usize) -> PyResult<Range<us
 fn index_array(py: Python<'_>, cells: Vec<[usize; 2]>) -> PyResult<Bound<'_, PyArray2<i64>>> {
     matrix(
         py,
-        cells.into_iter().map(|cell| cell.map(|index| index as i64)).collect(),
+        cells
+            .into_iter()
+            .map(|cell| cell.map(|index| index.cast_signed() as i64))
+            .collect(),
     )
 }
 
@@ -195,7 +201,7 @@ type ToneArrays<'py> = (
 );
 
 /// Fit a tone to the cells about each peak.
-#[pyfunction(signature = (cells, peaks, start, series, lobes, *, num_cells, is_cyclic))]
+#[pyfunction(signature = (cells, peaks, start, series, lobes=None, *, num_cells, is_cyclic))]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
     cells: AnyCells<'py>,
