@@ -100,7 +100,7 @@ TYPED = {
     "angles": 4,
     "bags": 1,
     "calibration": 1,
-    "comparison": 12,
+    "comparison": 1,
     "coppeliasim": 2,
     "datasets": 2,
     "detection": 2,
