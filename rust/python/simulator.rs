@@ -319,7 +319,7 @@ impl Simulator {
         };
         let truth = frame.truth.map(|truth| {
             let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
-            PyResult::Ok(rows.into_pyarray(py).reshape([4, truth.len()])?)
+            rows.into_pyarray(py).reshape([4, truth.len()])
         });
         IdealFrame::new(py, cube, truth.transpose()?, frame.counts).map(Some)
     }
