@@ -1,6 +1,8 @@
 from radarcore.adapters.depth import radar_in_camera as radar_in_camera
 from radarcore.adapters.ros.bag_writer import BagWriter as BagWriter
 from radarcore.adapters.ros.bags import BagReader as BagReader
+from radarcore.adapters.ros.cubes import from_cube_message as from_cube_message
+from radarcore.adapters.ros.cubes import to_cube_message as to_cube_message
 from radarcore.adapters.ros.depth import DepthImages as DepthImages
 from radarcore.adapters.ros.depth import FrameImages as FrameImages
 from radarcore.adapters.ros.depth import frame_images as frame_images

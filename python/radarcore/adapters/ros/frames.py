@@ -1,7 +1,7 @@
 """Frames of a radar as messages of ROS, one message a frame, and in bags.
 
-No standard message holds samples of a radar. Here a frame is a ``radarcore_msgs/RadarFrame``, whose definition every
-MCAP file contains:
+No standard message holds samples of a radar; `cubes` has transformed frames. Here a frame is a
+``radarcore_msgs/RadarFrame``, whose definition every MCAP file contains:
 
 =================== ================================================================================
 field               content

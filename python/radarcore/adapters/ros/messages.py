@@ -106,6 +106,11 @@ DEFINITIONS = {
         "std_msgs/Header header\nfloat64 time\nstring dtype\nuint32[] shape\nuint8[] data\n"
         "int32 lost\nfloat64[] truth\nstring settings"
     ),
+    "edgefirst_msgs/msg/RadarCube": (
+        "uint8 UNDEFINED = 0\nuint8 RANGE = 1\nuint8 DOPPLER = 2\nuint8 AZIMUTH = 3\nuint8 ELEVATION = 4\n"
+        "uint8 RXCHANNEL = 5\nuint8 SEQUENCE = 6\nstd_msgs/Header header\nuint64 timestamp\nuint8[] layout\n"
+        "uint16[] shape\nfloat32[] scales\nint16[] cube\nbool is_complex"
+    ),
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "mocap4r2_msgs/msg/Marker": (
         "int8 USE_NAME=0\nint8 USE_INDEX=1\nint8 USE_BOTH=2\n"
@@ -116,7 +121,7 @@ DEFINITIONS = {
         "std_msgs/Header header\nuint32 frame_number\nmocap4r2_msgs/RigidBody[] rigidbodies"
     ),
 }
-"""Definitions of messages that not every typestore has: radar_msgs 0.2.2, TF in ROS 1, MOCAP4ROS2, frames.
+"""Definitions of messages that not every typestore has: radar_msgs 0.2.2, EdgeFirst, TF in ROS 1, MOCAP4ROS2, frames.
 
 For rosbags: ``store.register(get_types_from_msg(text, name))`` for names that ``store.types`` lacks.
 """
