@@ -1,7 +1,8 @@
-"""Rays of images, as radarcore and public libraries cast them: distances compared first, then times.
+"""Rays of images, as radarcore and public libraries cast them, distances compared first; and a published rotor.
 
     python benches/peers.py            print the tables
-    python benches/peers.py --write    also write its section of benches/results/performance.md
+    python benches/peers.py --rotor    print the table of the rotor alone
+    python benches/peers.py --write    also write them into benches/results/performance.md
     python benches/peers.py --tiny     run everything once on few rays
 
 The libraries are optional; a line says what is missing and how to get it.
@@ -31,10 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from meshes import Triangles, room, sphere
-from page import PERFORMANCE, machine, milliseconds, table, write_section
+from meshes import Triangles, box_grid, joined, room, sphere
+from page import PERFORMANCE, machine, milliseconds, section_of, table, write_section
 from radarcore.motion.protocol import as_motion
 from radarcore.simulate.placement import Placement
+from radarcore.units import SPEED_OF_LIGHT
 
 FIELD_OF_VIEW_DEG = 60.0
 FRAMES_PER_SECOND = 40.0
@@ -66,6 +68,23 @@ Builds in ms from arrays of vertices and triangles: `Mesh(..., shading="flat")`,
 of Embree's scene, after the arrays were copied.
 
 {builds}
+"""
+
+ROTOR_TITLE = "### A rotor"
+
+ROTOR_TEXT = """
+Frames of 1024 chirps of 128 samples, 77 GHz, 4 MHz, one channel, as WiTwin Radar 0.4.1 times them: its "rotor" is a
+point of 1 m^2 that circles 80 times per second at a radius of 3 mm, 30 m away. Here the radar circles instead. The
+second rotor, whose echo WiTwin cannot simulate, is a mesh: four paddles of 5 x 2 cm, as fast, 3 m away, seen from the
+side. "error" compares all samples (rms): of the point with the closed form, of the paddles with a frame of
+`retrace_deg=1, tolerance=1e-4, rcs_floor=1e-4`. Written by `python benches/peers.py --rotor --write`; {machine}, load
+{load}; medians over {frames} frames [ms], in which CPU time sums all threads.
+
+{table}
+
+"published" is for an RTX 5080; 174 ms with `nodes=5` (<https://pypi.org/project/witwin-radar/0.4.1/>). The peer's own
+comparison gives 134 ms and an error of 0.46 %, and 217 ms for MATLAB on a Ryzen 7 9800X3D
+(`docs/dev/audit/radar-matlab-comparison-2026-09-17.md` of <https://github.com/witwin-ai/witwin-radar>).
 """
 
 Image = NDArray[np.floating]
@@ -461,12 +480,79 @@ def build_row(name: str, mesh: Triangles, has_embree: bool, run: Run) -> list[st
     return [*row, milliseconds(float(np.median(theirs))), f"{np.median(np.divide(theirs, ours)):.3g}"]
 
 
+# Rotor.
+
+
+def rotor_section(run: Run) -> str:
+    """Frames of the published rotor, and of one with paddles."""
+    waveform = rc.Waveform(start_frequency=77e9, slope=15.625e9, sample_rate=4e6, num_samples=128, num_chirps=1024)
+    spin = np.array([0.0, 0.0, 2.0 * np.pi * 80.0])
+    radar = rc.Radar(waveform, pattern=rc.IsotropicPattern())
+    circling = rc.Attached(
+        rc.Linear(rc.Pose(), angular_velocity=spin), rc.Linear(rc.Pose([0.003, 0.0, 0.0]), angular_velocity=-spin)
+    )
+    point = rc.Scene([rc.PointTarget([30.0, 0.0, 0.0])])
+
+    def paddle(turn: float) -> Triangles:
+        pose = rc.Pose.from_rpy(np.zeros(3), [0.0, 0.0, turn])
+        return box_grid(1, lambda points: pose.apply(points * [0.025, 0.001, 0.01] + [0.035, 0.0, 0.0]))
+
+    mesh = rc.Mesh(*joined([paddle(turn) for turn in np.arange(4) * np.pi / 2.0]), shading="flat")
+    paddles = rc.Scene([rc.Body(mesh, motion=rc.Linear(rc.Pose([3.0, 0.0, 0.0]), angular_velocity=spin))])
+    fine = rc.Simulator(paddles, radar, retrace_deg=1.0, tolerance=1e-4, rcs_floor=1e-4)
+
+    rows = []
+    for name, scene, motion, sampling in (
+        ("point", point, circling, "adaptive"),
+        ("paddles", paddles, None, "adaptive"),
+        ("paddles", paddles, None, "fast"),
+    ):
+        times = []
+        for threads in (1, 2):
+            simulator = rc.Simulator(scene, radar, radar_motion=motion, sampling=sampling, threads=threads)
+            simulator.frame(0.0)
+            for i in range(run.rounds):
+                wall, used = time.perf_counter(), time.process_time()
+                frame = simulator.frame(0.1 + 0.0327 * i)
+                times.append((time.perf_counter() - wall, time.process_time() - used))
+        medians = np.median(np.reshape(times, (2, run.rounds, 2)), axis=1).ravel()
+        expected = circling_echo(frame) if scene is point else fine.frame(frame.time).cube
+        error = f"{100.0 * np.linalg.norm(frame.cube - expected) / np.linalg.norm(expected):.2g} %"
+        published = "271" if scene is point else "-"
+        rows.append([name, sampling, f"{frame.stats['paths']}", error, *map(milliseconds, medians), published])
+    header = ["rotor", "sampling", "paths", "error", "1 thread", "CPU of 1", "2 threads", "CPU of 2", "published"]
+    text = table(header, rows)
+    print(text)
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    return ROTOR_TITLE + "\n" + ROTOR_TEXT.format(machine=machine(), load=load, frames=run.rounds, table=text)
+
+
+def circling_echo(frame: rc.Frame) -> NDArray[np.complex128]:
+    """Samples of the circling radar in closed form, (chirp, sample)."""
+    waveform = frame.radar.waveform
+    fast = np.arange(waveform.num_samples) / waveform.sample_rate
+    angle = 2.0 * np.pi * 80.0 * (frame.time + waveform.chirp_times[:, None] + fast)
+    distance = np.hypot(30.0 - 0.003 * np.cos(angle), 0.003 * np.sin(angle))
+    delay = 2.0 * distance / SPEED_OF_LIGHT
+    phase = waveform.start_frequency * delay + waveform.slope * delay * (fast - 0.5 * delay)
+    amplitude = SPEED_OF_LIGHT / waveform.start_frequency / ((4.0 * np.pi) ** 1.5 * distance**2)
+    return amplitude * np.exp(2j * np.pi * phase)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Rays of images beside public libraries.")
     parser.add_argument("--tiny", action="store_true", help="once, on few rays")
+    parser.add_argument("--rotor", action="store_true", help="the rotor alone")
     parser.add_argument("--write", action="store_true", help="write the section of benches/results/performance.md")
     arguments = parser.parse_args()
     run = TINY if arguments.tiny else FULL
+
+    rotor = rotor_section(run)
+    if arguments.rotor:
+        if arguments.write:
+            images, _, _ = section_of(PERFORMANCE, "peers").partition(ROTOR_TITLE)
+            write_section(PERFORMANCE, "peers", images + rotor)
+        return
 
     peers = installed_peers()
     rows, builds = [], []
@@ -487,7 +573,7 @@ def main() -> None:
             versions=", ".join(peers.values()) or "none installed",
             builds=builds_table,
         )
-        write_section(PERFORMANCE, "peers", text)
+        write_section(PERFORMANCE, "peers", f"{text}\n{rotor}")
 
 
 if __name__ == "__main__":
