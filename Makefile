@@ -19,11 +19,10 @@ OF_LEVELS = $(addprefix tests/boundary/test_core_,extremes.py receive.py threads
 	$(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
 
 .PHONY: help demo test $(CHECKS) wheel wheels bench docs notebooks format requirements clean
-.DELETE_ON_ERROR:
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1	\2/p' Makefile | expand -t 20
-demo: .venv/built ## build, simulate the experiment and compare it with the truth: out/demo
+demo: $(if $(wildcard .venv/built),.venv/built,.venv/native) ## build, simulate the experiment and compare it with the truth: out/demo
 	$(BIN)/radarcore demo --overwrite
 test: ## format, lint, types, Rust and Python tests, benches once, the wheel
 	@PYTHON=$(PYTHON) sh .ci/missing fmt clippy
@@ -85,8 +84,7 @@ clean: ## remove what was built, and the environment
 
 # The environment: files that mark finished steps.
 .venv/created: requirements/uv.txt
-	@PYTHON=$(PYTHON) sh .ci/missing
-	@rm -rf .venv; $(PYTHON) -m venv .venv
+	@PYTHON=$(PYTHON) sh .ci/missing && rm -rf .venv && $(PYTHON) -m venv .venv
 	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --only-binary :all: -r $< 2>/dev/null || true
 	@touch $@
 .venv/test .venv/wheels: .venv/demo
@@ -94,7 +92,9 @@ clean: ## remove what was built, and the environment
 .venv/demo .venv/test .venv/bench .venv/wheels: .venv/%: requirements/%.txt .venv/created
 	@echo "-- packages: $<"; $(call install,$(PYO3_PYTHON),--no-deps -r $<)
 	@touch $@
-.venv/built: Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs') .venv/demo
-	@echo "-- Rust core (two minutes the first time)"
-	@PIP_QUIET=1 $(BIN)/maturin develop $$([ ! -x $(BIN)/uv ] || echo --uv) --quiet --release --locked
+# For a demo alone, kernels for this processor only: half a minute less.
+.venv/native .venv/built: Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs') .venv/demo
+	@echo "-- Rust core (one or two minutes the first time)"
+	@PIP_QUIET=1 $(BIN)/maturin develop --quiet --release --locked --features python \
+		$$([ ! -x $(BIN)/uv ] || echo --uv) $(if $(filter %native,$@),--features native)
 	@touch $@

@@ -26,8 +26,11 @@ impl Level {
         let best = Set::new();
         #[cfg(target_arch = "x86_64")]
         let sets = [
+            #[cfg(level = "baseline")]
             best.as_sse2().map(Set::Sse2),
+            #[cfg(level = "avx2")]
             best.as_avx2().map(Set::Avx2),
+            #[cfg(level = "avx512")]
             best.as_avx512().map(Set::Avx512),
         ];
         #[cfg(target_arch = "aarch64")]
@@ -35,19 +38,27 @@ impl Level {
         let mut levels: Vec<Self> = sets.into_iter().flatten().map(Self).collect();
         // Kernels may run before the variable is checked: with the baseline if it is wrong.
         let allowed = highest(variable()).unwrap_or(1);
-        levels.retain(|level| NAMES[..allowed].contains(&level.name()));
+        if cfg!(not(feature = "native")) {
+            levels.retain(|level| NAMES[..allowed].contains(&level.name()));
+        }
         levels
     }
 
     /// Fastest available level.
     pub fn best() -> Self {
         static BEST: OnceLock<Level> = OnceLock::new();
-        *BEST.get_or_init(|| *Self::available().last().expect("the baseline is always available"))
+        *BEST.get_or_init(|| *Self::available().last().expect("`check` has found one"))
     }
 
-    /// An error if the environment variable `RADARCORE_SIMD` names no level.
+    /// An error if the environment variable `RADARCORE_SIMD` names no level, or if the core was built with the feature
+    /// `native` for another processor.
     pub fn check() -> Result<()> {
-        highest(variable()).map(|_| ())
+        highest(variable())?;
+        if Self::available().is_empty() {
+            let expected = "the processor, or a better one, that the core was built for with the feature native";
+            return Err(Error::value("processor", expected, "another; build it again"));
+        }
+        Ok(())
     }
 
     /// Name: `baseline`, `avx2` or `avx512`.
@@ -64,11 +75,11 @@ impl Level {
     /// Run a kernel compiled for this level.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", level = "baseline"))]
             Set::Sse2(token) => run(token, kernel),
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", level = "avx2"))]
             Set::Avx2(token) => run(token, kernel),
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", level = "avx512"))]
             Set::Avx512(token) => run(token, kernel),
             #[cfg(target_arch = "aarch64")]
             Set::Neon(token) => run(token, kernel),
