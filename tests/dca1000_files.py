@@ -18,6 +18,11 @@ IDLE, ADC_START, RAMP_END, PERIOD = 7.0, 6.0, 40.0, 50.0
 NUM_SAMPLES = 64
 
 
+def half_wavelength() -> float:
+    """Half a wavelength in the middle of the samples [m]."""
+    return 0.5 * C / (START * 1e9 + SLOPE * 1e12 * (ADC_START * 1e-6 + 0.5 * NUM_SAMPLES / (RATE * 1e3)))
+
+
 @dataclass
 class Scene:
     """A point in front of a radar with TI's antennas, and what its chip sends."""
@@ -33,6 +38,8 @@ class Scene:
     """Half wavelengths to the left and up of every transmitter, by its mask: xWR1843BOOST."""
     feeds: dict[int, list[complex]] = field(default_factory=dict)
     """Factors of the four receivers that the lines of a board make, by the mask of the transmitter."""
+    rx: tuple[tuple[float, float], ...] = ((0, 0), (1, 0), (2, 0), (3, 0))
+    """Half wavelengths to the left and up of every receiver."""
 
     def numbers(self, order: str, *, real: bool = False, q_first: bool = False) -> np.ndarray[Any, Any]:
         """The 16-bit numbers of all frames, in the order of ``lanes2`` or ``lanes4`` (SWRA581)."""
@@ -48,14 +55,13 @@ class Scene:
     def chirp(self, time: float, mask: int) -> np.ndarray[Any, Any]:
         """I + jQ of a chip (rx, sample): the phase of the transmitted wave minus the phase of the echo."""
         t = ADC_START * 1e-6 + np.arange(NUM_SAMPLES) / (RATE * 1e3)
-        middle = START * 1e9 + SLOPE * 1e12 * (ADC_START * 1e-6 + 0.5 * NUM_SAMPLES / (RATE * 1e3))
-        half = 0.5 * C / middle
+        half = half_wavelength()
         # Paths from transmitter to target to receivers: so near, the wave is curved. Range and angles are from the
         # middle of the antennas.
         across, up = np.cos(self.elevation), np.sin(self.elevation)
         axis = np.array([np.cos(self.azimuth) * across, np.sin(self.azimuth) * across, up])
         target = (self.range + self.velocity * (time + t))[:, None] * axis
-        receivers = np.array([[0.0, k, 0.0] for k in range(4)])
+        receivers = np.array([[0.0, *place] for place in self.rx])
         senders = {mask: np.array([0.0, *self.places[mask]]) for mask in sorted(set(self.masks))}
         target += 0.5 * half * (np.mean([*senders.values()], axis=0) + receivers.mean(axis=0))
         way = np.linalg.norm(target - half * senders[mask], axis=-1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from dca1000_files import Scene, commands, setup, studio
+from dca1000_files import Scene, commands, half_wavelength, setup, studio
 from radarcore.processing.detection.detect import detect
 from radarcore.recording.ti.capture import parts_of
 from recordings import refused
@@ -199,15 +199,231 @@ def test_lost_packets_and_counters_are_named(tmp_path: Path) -> None:
     data, config = write(tmp_path, np.delete(WORDS, slice(5 * 728, 6 * 728)), commands(SCENE))
     with pytest.warns(UserWarning, match="no whole frame"):
         rc.Recording.load(data, config=config)
-    # User's Guide 5.2: the packet's number from 1 in 32 bits, the bytes before it in 48, both with the lowest first.
-    sent = WORDS.tobytes()
-    packets = [
-        (start // 1456 + 1).to_bytes(4, "little") + start.to_bytes(6, "little") + sent[start : start + 1456]
-        for start in range(0, len(sent), 1456)
+
+
+def packets_of(sent: bytes, start: int = 0) -> list[bytes]:
+    """User's Guide 5.2: the packet's number from 1 in 32 bits, the bytes before it in 48, the lowest first."""
+    return [
+        ((start + at) // 1456 + 1).to_bytes(4, "little") + (start + at).to_bytes(6, "little") + sent[at : at + 1456]
+        for at in range(0, len(sent), 1456)
     ]
-    for first in (0, 7):  # from the start, and of a recorder that came later
-        data.write_bytes(b"".join(packets[first:]))
-        refused("expected samples alone, got packets of the DCA1000 with their counters", data, config=config)
+
+
+def test_packets_come_to_the_places_of_their_counters(tmp_path: Path) -> None:
+    """Two of four frames lose packets, one of them all; others are late or come twice."""
+    scene = Scene(num_frames=4)
+    words = scene.numbers("lanes2", q_first=True)
+    assert words.nbytes % 1456  # the last packet is shorter
+    whole, config = write(tmp_path, words, commands(scene))
+    expected = rc.Recording.load(whole, config=config).cube
+    per_frame = words.nbytes // 4
+    packets = packets_of(words.tobytes())
+    lost = {5, 6, *range(per_frame // 1456, 2 * per_frame // 1456 + 1)}
+    zeroed = bytearray(words.tobytes())
+    for index in lost:
+        zeroed[1456 * index : 1456 * (index + 1)] = bytes(1456)
+    kept = [packet for index, packet in enumerate(packets) if index not in lost]
+    kept[10], kept[12] = kept[12], kept[10]
+    path = tmp_path / "packets.bin"
+    for start in (0, 3 * per_frame):  # from the start, and of a recorder that came three frames later
+        moved = [
+            (int.from_bytes(packet[:4], "little") + start // 1456).to_bytes(4, "little")
+            + (int.from_bytes(packet[4:10], "little") + start).to_bytes(6, "little")
+            + packet[10:]
+            for packet in [*kept, kept[7]]
+        ]
+        path.write_bytes(b"".join([*moved[:-2], moved[-1], moved[-2]]))
+        with pytest.warns(UserWarning, match=rf"zeros in place of {len(lost)} lost packets, in frame 0 .*frame 1"):
+            recording = rc.Recording.load(path, config=config)
+        assert recording.source["capture"]["lost_packets"] == len(lost)
+        assert recording.lost is not None
+        assert recording.lost.tolist() == [0, 1, 0]
+        np.testing.assert_array_equal(recording.cube[2], expected[3])
+        (tmp_path / "adc_data.bin").write_bytes(zeroed)
+        with pytest.warns(UserWarning, match="zeros in place of about"):
+            np.testing.assert_array_equal(recording.cube, rc.Recording.load(whole, config=config).cube)
+    assert recording.time == pytest.approx([0.0, 0.1, 0.15])
+    path.write_bytes(b"".join(packets))
+    np.testing.assert_array_equal(rc.Recording.load(path, config=config).cube, expected)
+    damaged = [*packets[:4], packets[4][:4] + (3 * 1456 + 8).to_bytes(6, "little") + packets[4][10:], *packets[5:]]
+    path.write_bytes(b"".join(damaged))
+    refused("packets of the DCA1000 one after the other, got damaged counters", path, config=config)
+
+
+# TI's tables: half wavelengths to the left and up of the transmitters by their masks, of the receivers, and their
+# feeds. 2944: 0.8 wavelengths. 6844: 2.54 mm.
+MM = 2.54e-3 / half_wavelength()
+BOARDS: dict[str, dict[str, Any]] = {
+    "xWR14xx": {},
+    "xWR68xx": {},
+    "xWR68xx_AOP": {
+        "places": {1: (0, 0), 2: (2, -2), 4: (0, -2)},
+        "rx": ((1, -1), (1, 0), (0, -1), (0, 0)),
+        "feeds": {mask: [1, -1, 1, -1] for mask in (1, 2, 4)},
+    },
+    "IWR6843ISK-ODS": {
+        "places": {1: (0, 0), 2: (2, 0), 4: (2, -2)},
+        "rx": ((0, 0), (0, -1), (1, -1), (1, 0)),
+        "feeds": {mask: [1, -1, -1, 1] for mask in (1, 2, 4)},
+    },
+    "xWR29xx": {"places": {1: (0, 0), 2: (2, 1.6), 4: (4, 0), 8: (8, 0)}},
+    "xWRL6844EVM": {
+        "places": {1: (2 * MM, 2 * MM), 2: (0, 2 * MM), 4: (0, 0), 8: (2 * MM, 0)},
+        "rx": ((0, MM), (0, 0), (MM, 0), (MM, MM)),
+        "feeds": {1: [-1] * 4, 2: [1] * 4, 4: [-1] * 4, 8: [1] * 4},
+    },
+}
+
+
+def board_scene(platform: str) -> Scene:
+    changes = BOARDS[platform]
+    masks = tuple(changes.get("places", {1: 0, 2: 0, 4: 0}))
+    angles = {"azimuth": np.deg2rad(17.0), "elevation": np.deg2rad(-9.0)}
+    return Scene(range=6.0, velocity=-0.5, masks=masks, num_loops=8, num_frames=1, **angles, **changes)
+
+
+def assert_angles(recording: rc.Recording, scene: Scene) -> None:
+    found = detect(recording[0])
+    best = int(np.argmax(found.snr_db))
+    assert found.azimuth[best] == pytest.approx(scene.azimuth, abs=2e-3)
+    assert found.elevation[best] == pytest.approx(scene.elevation, abs=3e-3)
+
+
+def l_commands(scene: Scene, **changes: str) -> str:
+    """Commands of the L-SDK for the profile of `dca1000_files`, on an xWRL6844."""
+    lines = {
+        "channelCfg": "channelCfg 255 255 0",
+        "chirpComnCfg": f"chirpComnCfg {200 / 6!r} 0 0 64 1 40 0",
+        "chirpTimingCfg": "chirpTimingCfg 7 36 0 60 77",
+        "frameCfg": f"frameCfg {len(scene.masks) * scene.num_loops} 0 5000 1 50 0",
+        "board": "antGeometryBoard xWRL6844EVM",
+        "sensorStart": "sensorStart 0 0 0 0",
+    } | changes
+    return "\n".join(lines.values()) + "\n"
+
+
+@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing")  # 2944 and 6844 at 77 GHz
+@pytest.mark.parametrize("platform", BOARDS)
+def test_boards_find_a_target_at_its_angles_without_a_calibration(tmp_path: Path, platform: str) -> None:
+    scene = board_scene(platform)
+    is_real, is_of_rows = platform in ("xWR29xx", "xWRL6844EVM"), platform == "xWR14xx"
+    words = scene.numbers("lanes4" if is_of_rows else "lanes2", real=is_real, q_first=not is_real)
+    output = {"output": 0, "swap": 0} if is_real else {"apart": int(not is_of_rows)}
+    text = l_commands(scene) if "L6844" in platform else commands(scene, platform=platform, compensation="", **output)
+    if platform == "xWR29xx":
+        text = text.replace("8 0 50.0 1 0", "8 0 64 50.0 1 0")
+    data, config = write(tmp_path, words, text)
+    recording = rc.Recording.load(data, config=config)
+    assert_angles(recording, scene)
+    if "feeds" in BOARDS[platform]:
+        assert recording.radar.channel_weights is not None
+
+
+@pytest.mark.parametrize(
+    ("platform", "lines"),
+    [
+        (
+            "xWR68xx_AOP",
+            "antGeometry0 -1 -1 0 0 -3 -3 -2 -2 -1 -1 0 0\nantGeometry1 -1 0 -1 0 -3 -2 -3 -2 -3 -2 -3 -2\n"
+            "antPhaseRot -1 1 -1 1 -1 1 -1 1 -1 1 -1 1",
+        ),
+        (
+            "IWR6843ISK-ODS",
+            "antGeometry0 0 0 -1 -1 -2 -2 -3 -3 -2 -2 -3 -3\nantGeometry1 0 -1 -1 0 0 -1 -1 0 -2 -3 -3 -2\n"
+            "antPhaseRot 1 -1 -1 1 1 -1 -1 1 1 -1 -1 1",
+        ),
+        ("xWR68xx", "antGeometry0 0 -1 -2 -3 -2 -3 -4 -5 -4 -5 -6 -7\nantGeometry1 -1 -1 -1 -1 0 0 0 0 -1 -1 -1 -1"),
+        ("xWR29xx", "antGeometryCfg 1 0 1 1 1 2 1 3 0 2 0 3 0 4 0 5 1 4 1 5 1 6 1 7 1 8 1 9 1 10 1 11 0.5 0.8"),
+        (
+            "xWRL6844EVM",
+            "antGeometryTX 2 2 2 0 0 0 0 2\nantGeometryRx 1 0 0 0 0 1 1 1\nantGeometryDist 2.54 2.54\n"
+            "compRangeBiasAndRxChanPhase 0.0" + 2 * (4 * " -1 0" + 4 * " 1 0"),
+        ),
+    ],
+)
+def test_geometry_of_the_file_is_that_of_its_board(tmp_path: Path, platform: str, lines: str) -> None:
+    scene = board_scene(platform)
+    if "L6844" in platform:
+        named, given = l_commands(scene), l_commands(scene, board=lines)
+    else:
+        named = commands(scene, platform=platform, compensation="")
+        given = commands(scene, platform="", compensation="", geometry=lines)
+    (tmp_path / "named.cfg").write_text(named)
+    (tmp_path / "given.cfg").write_text(given)
+    by_name, by_file = (rc.load_radar(tmp_path / name) for name in ("named.cfg", "given.cfg"))
+    places = by_file.virtual_array - by_name.virtual_array
+    np.testing.assert_allclose(places - places[0], 0.0, atol=1e-12)
+    if by_name.channel_weights is None:
+        assert by_file.channel_weights is None
+    else:
+        np.testing.assert_array_equal(by_file.channel_weights, by_name.channel_weights)
+
+
+def test_measured_compensations_have_the_feeds_in_them(tmp_path: Path) -> None:
+    """As TI's visualizer writes them for the AOP."""
+    line = "compRangeBiasAndRxChanPhase 0.0" + 6 * " 1 0 -1 0"
+    (tmp_path / "a.cfg").write_text(commands(SCENE, platform="xWR68xx_AOP", compensation=line))
+    weights = rc.load_radar(tmp_path / "a.cfg").channel_weights
+    assert weights is not None
+    np.testing.assert_array_equal(weights, 2 * [1, -1, 1, -1])
+
+
+def test_low_power_chips_have_the_settings_of_their_commands(tmp_path: Path) -> None:
+    """Files of TI's demos: 6844, and 6432 in bursts of one chirp per transmitter."""
+    path = tmp_path / "a.cfg"
+    path.write_text(
+        "channelCfg 153 255 0\nchirpComnCfg 8 0 0 256 1 13.1 3\nchirpTimingCfg 6 63 0 160 58\n"
+        "frameCfg 64 0 1358 1 100 0\nantGeometryBoard xWRL6844EVM\nsensorStart 0 0 0 0\n"
+    )
+    radar = rc.load_radar(path)
+    waveform = radar.waveform
+    assert (waveform.start_frequency, waveform.slope, waveform.sample_rate) == pytest.approx((58e9, 160e12, 25e6))
+    assert (waveform.num_samples, waveform.num_chirps, len(radar.tx), len(radar.rx)) == (256, 16, 4, 4)
+    assert waveform.adc_delay == pytest.approx(63 / 25e6)
+    assert (waveform.chirp_interval, waveform.frame_interval) == pytest.approx((4 * 19.1e-6, 0.1))
+    assert radar.is_real
+    lines = (
+        "channelCfg 7 3 0\nchirpComnCfg 15 5 0 128 1 34 3\nchirpTimingCfg 6 26 1 47.95 60\nframeCfg 2 0 600 64 200 0\n"
+        "antGeometryCfg 0 0 1 1 0 2 0 1 1 2 0 3 2.418 2.418\n"
+        "compRangeBiasAndRxChanPhase 0.0 1 0 -1 0 1 0 -1 0 1 0 -1 0\n"
+    )
+    path.write_text(lines)
+    radar = rc.load_radar(path)
+    waveform = radar.waveform
+    assert waveform.sample_rate == pytest.approx(100e6 / 15)
+    assert (waveform.num_chirps, waveform.chirp_interval) == (64, pytest.approx(600e-6))
+    assert radar.schedule is not None
+    assert radar.schedule.interval == pytest.approx(40e-6)
+    steps = (radar.virtual_array - radar.virtual_array[0])[:, 1:] / 2.418e-3
+    np.testing.assert_allclose(steps, [[0, 0], [1, 1], [2, 0], [1, 0], [2, 1], [3, 0]], atol=1e-9)
+    assert radar.channel_weights is not None
+    np.testing.assert_array_equal(radar.channel_weights, [1, -1, 1, -1, 1, -1])
+    # The order of its samples in captures is not public: `shape` gives it.
+    np.arange(2 * 6 * 64 * 128, dtype="<i2").tofile(tmp_path / "adc.bin")
+    shape = "frame,chirp,tx,rx,sample"
+    cube = rc.Recording.load(tmp_path / "adc.bin", config=path, dtype="int16", shape=shape).cube
+    assert cube.shape == (2, 6, 64, 128)
+    for old, new, message in (
+        ("128 1 34", "128 4 34", "transmitters that take turns .chirpComnCfg, pattern 1., got 4"),
+        ("frameCfg 2 0", "frameCfg 2 12", "chirps one by one .frameCfg., got sums of 12"),
+        ("frameCfg 2 0", "frameCfg 4 0", "bursts of one chirp per transmitter, or without pauses"),
+        ("frameCfg 2 0 600 64", "frameCfg 3 0 600 1", "equal numbers of chirps per transmitter"),
+        ("Comn", "comn", "expected the command chirpComnCfg, got none"),
+    ):
+        path.write_text(lines.replace(old, new))
+        with pytest.raises(ValueError, match=message):
+            rc.load_radar(path)
+
+
+def test_order_of_i_and_q_can_be_set(tmp_path: Path) -> None:
+    """The configuration says Q first; the capture has I first."""
+    data, config = write(tmp_path, SCENE.numbers("lanes2"), commands(SCENE))
+    assert_target(rc.Recording.load(data, config=config, iq_order="IQ"), SCENE)
+    swapped = rc.Recording.load(data, config=config).cube
+    np.testing.assert_array_equal(swapped, rc.Recording.load(data, config=config, iq_order="QI").cube)
+    refused("iq_order: expected one of 'IQ', 'QI'|iq_order: expected 'IQ' or 'QI'", data, config=config, iq_order="qi")
+    config.write_text(commands(SCENE, output=0, swap=0))
+    refused("iq_order: expected none for real samples, got 'IQ'", data, config=config, iq_order="IQ")
 
 
 def test_unknown_board_is_a_row_with_a_warning(tmp_path: Path) -> None:
@@ -242,7 +458,7 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"bpmCfg": "bpmCfg -1 1 0 1"}, "got binary phase modulation"),
         ({"dfeDataOutputMode": "dfeDataOutputMode 3"}, "got sub-frames or no frames"),
         ({"lvdsStreamCfg": "lvdsStreamCfg -1 1 1 0"}, r"samples alone .*, got 1 1 0"),
-        ({"frameCfg": "frameCfg 0 1 16 0 64 50 1 0"}, "line 11: expected 7 numbers after frameCfg, got 8"),
+        ({"frameCfg": "frameCfg 0 1 16 0 64 50 1 0 0"}, "line 11: expected 7 or 8 numbers after frameCfg, got 9"),
         ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
         ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
         ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
@@ -252,7 +468,11 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
-        ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),
+        ({"geometry": "antGeometry0 0 -1 -2 -3\nantGeometry1 0 0"}, "expected 4 or 8 or 12 numbers after antGeometry1"),
+        (
+            {"geometry": "antGeometry0 0 -1 -2 -3 -2 -3 -4 -9\nantGeometry1 0 0 0 0 0 0 0 0"},
+            "all transmitters have the same receivers",
+        ),
     ],
 )
 def test_commands_that_are_no_plain_frames_are_refused(tmp_path: Path, changes: dict[str, str], message: str) -> None:

@@ -57,10 +57,13 @@ class BareSamples:
     variable: Annotated[str | None, Parameter(metavar="NAME")] = None
     """array in a .mat or .npz file with several"""
 
+    iq_order: Annotated[str | None, Parameter(metavar="IQ|QI")] = None
+    """which of I and Q comes first in a capture of TI (default: by its configuration)"""
+
     @property
     def description(self) -> Description:
         """Description that readers take."""
-        return Description(config=self.config, shape=self.shape, dtype=self.dtype, variable=self.variable)
+        return Description(None, self.config, self.shape, self.dtype, self.variable, self.iq_order)
 
     @contextmanager
     def open(self, source: Path) -> Iterator[AnyReader]:

@@ -47,6 +47,8 @@ class Description:
         Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``">u2"``.
     variable : str, optional
         Name of the array in a ``.mat`` or ``.npz`` file.
+    iq_order : "IQ" or "QI", optional
+        Which of I and Q comes first in a capture of TI, whatever its configuration says.
     """
 
     radar: Radar | None = None
@@ -54,6 +56,7 @@ class Description:
     shape: str | Sequence[str] | None = None
     dtype: str | None = None
     variable: str | None = None
+    iq_order: str | None = None
 
     @property
     def given(self) -> dict[str, object]:
@@ -173,7 +176,8 @@ def opened(path: Path, description: Description) -> Stored:
     found, is_array = _configuration(path, description), path.suffix.lower() in _ARRAYS
     if found is not None and found.capture is not None and not is_array:
         description.refuse(path, "a capture that its configuration describes", "shape", "dtype", "variable")
-        return capture.opened(path, found.radar, found.capture)
+        return capture.opened(path, found.radar, _with_order(found.capture, description.iq_order))
+    description.refuse(path, "no capture of TI", "iq_order")
     values = _array(path, description)
     if found is None:
         got = f"an array {values.shape} of {values.dtype}" if is_array else _size_text(path)
@@ -185,6 +189,15 @@ def opened(path: Path, description: Description) -> Stored:
             f"{path}: expected the type of its numbers, got {_size_text(path)}; pass dtype='int16' or 'uint16', --dtype"
         )
     return _stored(path, values, found, description)
+
+
+def _with_order(order: capture.Capture, iq_order: str | None) -> capture.Capture:
+    """The order of a capture with I and Q as the user says."""
+    if iq_order is None:
+        return order
+    if order.is_real:
+        raise ValueError(f"iq_order: expected none for real samples, got {iq_order!r}")
+    return replace(order, has_q_first=check.choice("iq_order", iq_order, ("IQ", "QI")) == "QI")
 
 
 def _configuration(path: Path, description: Description) -> Configuration | None:
@@ -335,7 +348,7 @@ def configuration(path: Path) -> Configuration:
     if is_setup(path):
         settings_file, files, device = studio.setup_files(path)
         radar, order = radar_and_capture(studio.settings(settings_file, device), str(settings_file))
-        return Configuration(radar, replace(order, files=files))
+        return Configuration(radar, None if order is None else replace(order, files=files))
     data = path.read_bytes()
     values = parsed_json(data, str(path))
     keys = values.keys() if isinstance(values, dict) else ()

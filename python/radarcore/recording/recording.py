@@ -359,6 +359,7 @@ class Recording(Stored):
         shape: str | Sequence[str] | None = None,
         dtype: str | None = None,
         variable: str | None = None,
+        iq_order: str | None = None,
     ) -> Recording:
         """Read from disk; warns of no frames, and of frames that are missing because the writer was interrupted.
 
@@ -388,6 +389,9 @@ class Recording(Stored):
             Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``"uint16"``, ``">i2"``.
         variable : str, optional
             Name of the array in a ``.mat`` or ``.npz`` file with several.
+        iq_order : "IQ" or "QI", optional
+            Which of I and Q comes first in a capture of TI; default: as its configuration says. If it is wrong, targets
+            are at the ranges of images.
 
         Raises
         ------
@@ -410,7 +414,7 @@ class Recording(Stored):
         >>> rc.Recording.load("samples.npy", radar=rc.bgt60tr13c())
         <Recording of 2 frames in 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
         """
-        stored = _stored_at(Path(path), mmap, Description(radar, config, shape, dtype, variable))
+        stored = _stored_at(Path(path), mmap, Description(radar, config, shape, dtype, variable, iq_order))
         with check.located(path):
             recording = cls(**vars(stored))
         if not mmap:

@@ -10,7 +10,8 @@ I and Q are swapped where the chip's configuration swaps them. Chirps follow eac
 transmitters' turns.
 
 The board sends packets of 1456 bytes behind a counter of 10 bytes (DCA1000EVM User's Guide, 5.2, raw mode). TI's
-recorder leaves the counters out and writes zeros for lost packets; other recorders do neither.
+recorder leaves the counters out and writes zeros for lost packets; other recorders do neither. Packets with counters
+come to their places, with zeros between them.
 """
 
 from __future__ import annotations
@@ -39,10 +40,14 @@ _PACKET_BYTES = 1456
 """Bytes of samples in a packet."""
 
 _COUNTER_BYTES = 10
-"""Counter before every packet: 4 bytes for its number, 6 bytes for the bytes of samples before it."""
 
-_COUNTER = (slice(0, 4), slice(4, 10))
-"""Bytes of these two numbers, little-endian."""
+_PACKET_WORDS = _PACKET_BYTES // _WORD.itemsize
+
+_PACKET = np.dtype([("number", "<u4"), ("low", "<u4"), ("high", "<u2"), ("words", _WORD, _PACKET_WORDS)])
+"""A packet with its counters: its number, the bytes of samples before it (48 bits), samples."""
+
+_MOST_LOST = 100
+"""Largest ratio of all bytes by the counters to those in the file."""
 
 _ZERO_WORDS = _PACKET_BYTES // _WORD.itemsize // 2
 """Numbers per group in the search for zeros: half a packet, so that a lost packet covers a whole group."""
@@ -92,7 +97,6 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
     files = capture.files if path.suffix.lower() == ".json" else parts_of(path)
     if not files:
         raise ValueError(f"{path}: expected the names of captured files, got none")
-    _refuse_counters(files[0])
     num_words = int(np.prod(frame_shape(radar))) * (1 if capture.is_real else 2)
     words = _Words(files, num_words)
     if len(words) == 0:
@@ -170,19 +174,58 @@ def _shifts(radar: Radar, range_bias: float) -> NDArray[np.complex64]:
     return shifts
 
 
-def _refuse_counters(path: Path) -> None:
-    """Refuse a file that still has the counters of the packets."""
-    step = _COUNTER_BYTES + _PACKET_BYTES
+class _Packets:
+    """Words of packets in the order of their counters, with zeros in place of lost ones.
+
+    The words begin with the frame that the first packet belongs to.
+    """
+
+    def __init__(self, path: Path, num_frame_words: int) -> None:
+        size = path.stat().st_size
+        self._packets = np.memmap(path, _PACKET, "r", shape=(size // _PACKET.itemsize,))
+        # The last packet may be shorter; a rest without a whole counter is ignored.
+        rest = size % _PACKET.itemsize
+        self._last = np.zeros(int(rest > _COUNTER_BYTES), _PACKET)
+        if len(self._last):
+            with path.open("rb") as file:
+                file.seek(size - rest)
+                self._last.view(np.uint8)[:rest] = np.frombuffer(file.read(rest), np.uint8)
+        parts = (self._packets, self._last)
+        sent = np.concatenate([part["low"] + (part["high"].astype(np.int64) << 32) for part in parts]) // _WORD.itemsize
+        starts, self._order = np.unique(sent, return_index=True)
+        self._starts = starts - starts[0] // num_frame_words * num_frame_words
+        gaps = np.diff(self._starts, prepend=-_PACKET_WORDS) - _PACKET_WORDS
+        if (gaps[1:] < 0).any() or self._starts[-1] > _MOST_LOST * max(size, num_frame_words):
+            raise ValueError(f"{path}: expected packets of the DCA1000 one after the other, got damaged counters")
+        self.num_lost = int((-(-gaps // _PACKET_WORDS)).sum())
+        is_short = len(self._last) and self._order[-1] == len(self._packets)
+        last = (rest - _COUNTER_BYTES) // _WORD.itemsize if is_short else _PACKET_WORDS
+        self._num_words = int(self._starts[-1]) + last
+
+    def __len__(self) -> int:
+        return self._num_words
+
+    def __getitem__(self, place: slice) -> NDArray[np.int16]:
+        start, stop, _ = place.indices(len(self))
+        words = np.zeros(max(0, stop - start), _WORD)
+        first, last = np.searchsorted(self._starts, [start - _PACKET_WORDS, stop], side="right")
+        for begin, index in zip(self._starts[first:last].tolist(), self._order[first:last].tolist(), strict=True):
+            packets, at = (self._packets, index) if index < len(self._packets) else (self._last, 0)
+            low, high = max(begin, start), min(begin + _PACKET_WORDS, stop)
+            words[low - start : high - start] = packets[at]["words"][low - begin : high - begin]
+        return words
+
+
+def _has_counters(path: Path) -> bool:
+    """True for packets that still have their counters."""
     with path.open("rb") as file:
-        start = file.read(2 * step)
-    counters = [start[at : at + _COUNTER_BYTES] for at in (0, step)]
-    numbers, sizes = ([int.from_bytes(counter[part], "little") for counter in counters] for part in _COUNTER)
+        start = file.read(2 * _PACKET.itemsize)
+    if len(start) < 2 * _PACKET.itemsize:
+        return False
+    packets = np.frombuffer(start, _PACKET)
+    numbers, sent = packets["number"].astype(np.int64), packets["low"] + (packets["high"].astype(np.int64) << 32)
     num_packets = numbers[1] - numbers[0]
-    if num_packets > 0 and sizes[1] - sizes[0] == num_packets * _PACKET_BYTES:
-        raise ValueError(
-            f"{path}: expected samples alone, got packets of the DCA1000 with their counters, {_COUNTER_BYTES} bytes "
-            f"before every {_PACKET_BYTES}; take these out of the file first"
-        )
+    return bool(num_packets > 0 and sent[1] - sent[0] == num_packets * _PACKET_BYTES)
 
 
 def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.int64], NDArray[np.int32] | None, int]:
@@ -194,16 +237,19 @@ def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.in
         notice.warn(f"{files[-1]}: {len(words)} frames, the last {words.left_over} bytes are no whole frame")
     shares = words.shares_of_zeros()
     kept = np.flatnonzero(shares < 1.0)
-    if not shares.any():
+    if not (shares.any() or words.num_lost):
         return kept, None, 0
     if len(kept) == 0:
         notice.warn(f"{files[0]}: all samples are zeros")
         return np.arange(len(words)), None, 0
-    num_packets = max(1, round(shares.sum() * words.num_frame_bytes / _PACKET_BYTES))
+    # Without counters the zeros tell.
+    num_packets = words.num_lost or max(1, round(shares.sum() * words.num_frame_bytes / _PACKET_BYTES))
+    about = "" if words.num_lost else "about "
     named = [f"frame {index} ({shares[index]:.0%})" for index in np.flatnonzero(shares)]
     more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
+    places = ", ".join(named[:_MOST_NAMED]) or "parts of frames"
     notice.warn(
-        f"{files[0]}: zeros in place of about {num_packets} lost packets, in {', '.join(named[:_MOST_NAMED])}{more}; "
+        f"{files[0]}: zeros in place of {about}{num_packets} lost packets, in {places}{more}; "
         "frames of zeros alone are left out"
     )
     words.keep(kept)
@@ -215,15 +261,22 @@ class _Words:
 
     def __init__(self, files: tuple[Path, ...], num_words: int) -> None:
         sizes = [file.stat().st_size for file in files]
-        self.num_bytes = sum(sizes)
+        self.num_bytes, self.num_lost = sum(sizes), 0
         self.num_frame_bytes = num_words * _WORD.itemsize
-        if odd := [file for file, size in zip(files[:-1], sizes, strict=False) if size % _WORD.itemsize]:
-            raise ValueError(f"{odd[0]}: expected whole numbers of 16 bits before the next file, got an odd size")
-        self._maps = [
-            np.memmap(file, _WORD, "r", shape=(size // _WORD.itemsize,))
-            for file, size in zip(files, sizes, strict=True)
-            if size >= _WORD.itemsize
-        ]
+        self._maps: list[Any]
+        if _has_counters(files[0]):
+            if len(files) > 1:
+                raise ValueError(f"{files[1]}: expected one file of packets with counters, got {len(files)}")
+            packets = _Packets(files[0], num_words)
+            self._maps, self.num_lost, self.num_bytes = [packets], packets.num_lost, len(packets) * _WORD.itemsize
+        else:
+            if odd := [file for file, size in zip(files[:-1], sizes, strict=False) if size % _WORD.itemsize]:
+                raise ValueError(f"{odd[0]}: expected whole numbers of 16 bits before the next file, got an odd size")
+            self._maps = [
+                np.memmap(file, _WORD, "r", shape=(size // _WORD.itemsize,))
+                for file, size in zip(files, sizes, strict=True)
+                if size >= _WORD.itemsize
+            ]
         self._ends = np.cumsum([0, *(len(part) for part in self._maps)])
         self._num_words = num_words
         self._kept = np.arange(int(self._ends[-1]) // num_words)

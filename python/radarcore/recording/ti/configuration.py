@@ -18,6 +18,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
+from radarcore.recording.ti.boards import Board, board_of
 from radarcore.recording.ti.capture import Capture
 
 _OUTPUTS = ("real", "complex 1x", "complex 2x")
@@ -32,20 +33,8 @@ NUM_RX, _NUM_TX = 4, 4
 _NUM_CHIRPS = 512
 """Chirps that a chip has at most, from 0 on."""
 
-_BOARDS = {
-    "12": "xWR1243BOOST",
-    "14": "xWR1443BOOST",
-    "16": "xWR1642BOOST",
-    "18": "xWR1843BOOST",
-    "68": "IWR6843ISK",
-}
-"""TI's evaluation boards, whose antennas are public, by the families of their chips."""
-
 _ROW = "row with half-wavelength spacing"
 """Antennas of other boards."""
-
-_OTHER_ARRAYS = ("AOP", "ODS")
-"""Boards of these families with other antennas."""
 
 
 class Profile(NamedTuple):
@@ -82,6 +71,7 @@ class Settings:
         Format and bits of samples by TI's numbers: places in ``("real", "complex 1x", "complex 2x")`` and
         ``(12, 14, 16)``.
     num_lanes : int
+        LVDS lanes; 0: the order of samples in captures is not public.
     has_q_first : bool
     is_interleaved : bool
         Receivers sample by sample, not one after the other.
@@ -90,7 +80,12 @@ class Settings:
     range_bias : float
         To subtract from all ranges [m].
     coefficients : (transmitter, receiver) complex array, optional
-        Factors of every channel of the chip, used or not: `Radar.channel_weights`.
+        Factors of every channel of the chip, used or not: `Radar.channel_weights`. With inverted feeds of the board,
+        except where all are 1.
+    board : Board, optional
+        Antennas that the files have, with signs besides `coefficients`; else those of `device`.
+    round_interval : float, optional
+        Time between rounds of all transmitters [s], if they do not follow each other directly.
     """
 
     profile: Profile
@@ -106,10 +101,12 @@ class Settings:
     device: str = ""
     range_bias: float = 0.0
     coefficients: NDArray[np.complex128] | None = None
+    board: Board | None = None
+    round_interval: float | None = None
 
 
-def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
-    """The radar of some settings, and the order of its samples in a capture.
+def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture | None]:
+    """The radar of some settings, and the order of its samples in a capture, if that is public.
 
     Warns where several transmitters send and the board, which places them, is not known.
     """
@@ -130,24 +127,27 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
             sample_rate=1e3 * profile.rate,
             num_samples=int(profile.num_samples),
             num_chirps=settings.num_loops * repetitions,
-            chirp_interval=ramp_interval * len(turns),
+            chirp_interval=settings.round_interval or ramp_interval * len(turns),
             frame_interval=settings.frame_interval,
             adc_delay=1e-6 * profile.adc_start,
         )
-        tx, rx, antennas = _antennas(settings.device, used, receivers, waveform.wavelength)
+        board = settings.board or board_of(settings.device)
+        tx, rx, antennas = _antennas(board, used, receivers, waveform.wavelength)
         radar = Radar(
             waveform,
             tx=tx,
             rx=rx,
             receiver=Receiver(output="real") if is_real else None,
             schedule=Schedule.tdm(ramp_interval, turns) if len(turns) > 1 else None,
-            channel_weights=_channel_weights(settings, used, receivers, where),
+            channel_weights=_channel_weights(settings, board if antennas != _ROW else None, used, receivers, where),
         )
     if antennas == _ROW and len(used) > 1:
         notice.warn(
             f"{where}: unknown board; its {len(used)} transmitters are assumed to be a row with channels at half "
             "wavelengths, so angles may be wrong"
         )
+    if settings.num_lanes == 0:
+        return radar, None
     facts = {
         "device": settings.device or "unknown",
         "lanes": settings.num_lanes,
@@ -174,26 +174,32 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
 
 
 def _channel_weights(
-    settings: Settings, used: list[int], receivers: list[int], where: str
+    settings: Settings, board: Board | None, used: list[int], receivers: list[int], where: str
 ) -> NDArray[np.complex128] | None:
     """Factors of the channels in use; None if they change nothing."""
-    if settings.coefficients is None:
-        return None
-    if max(used) >= len(settings.coefficients):
-        raise ValueError(
-            f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got pairs "
-            f"for {len(settings.coefficients)} transmitters"
-        )
-    factors = settings.coefficients[np.ix_(used, receivers)].ravel()
+    channels = np.ix_(used, receivers)
+    factors = np.ones((len(used), len(receivers)), np.complex128)
+    if settings.coefficients is not None:
+        if max(used) >= len(settings.coefficients):
+            raise ValueError(
+                f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got pairs "
+                f"for {len(settings.coefficients)} transmitters"
+            )
+        factors = settings.coefficients[channels]
     if not factors.all():
         raise ValueError(f"{where}: expected compRangeBiasAndRxChanPhase without zeros, got one for a channel in use")
-    return None if (factors == 1.0).all() else factors
+    # Compensations that were measured, or written by TI's tools, have the feeds in them.
+    if board is not None and (board is settings.board or (factors == 1.0).all()):
+        factors = factors * board.signs[channels]
+    return None if (factors == factors[0, 0]).all() and factors[0, 0] in (1.0, -1.0) else factors.ravel()
 
 
 def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
     """Refuse orders of samples that the documents do not have."""
     if num_rx == 0:
         raise ValueError(f"{where}: expected at least one receiver, got the mask {settings.rx_mask:#x}")
+    if settings.num_lanes == 0:
+        return
     if settings.num_lanes not in (2, 4):
         raise ValueError(f"{where}: expected two or four LVDS lanes, got {settings.num_lanes}")
     if settings.is_interleaved != (settings.num_lanes == 4):
@@ -225,33 +231,17 @@ def _tx_order(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
 
 
 def _antennas(
-    device: str, used: list[int], receivers: list[int], wavelength: float
+    board: Board | None, used: list[int], receivers: list[int], wavelength: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
-    """Positions of transmitters and receivers [m], and whose they are.
-
-    On TI's boards receivers form a row with half-wavelength spacing, the first on the right as seen from the radar; TX1
-    and TX3 (TX2 of an xWR16xx) have a distance of two wavelengths in the same direction, and TX2 is between them, half
-    a wavelength higher.
-    """
+    """Positions of transmitters and receivers [m], and whose they are."""
+    if board is not None and max(used) < len(board.tx) and max(receivers) < len(board.rx):
+        tx, rx = board.positions(wavelength)
+        return tx[used], rx[receivers], board.name
+    # Channels in a line, without gaps if receivers have none.
     half = 0.5 * wavelength
     rx = np.array([[0.0, half * number, 0.0] for number in receivers])
-    family = _family(device)
-    # Half wavelengths to the left and up.
-    places = {"16": [(0, 0), (4, 0)]}.get(family or "", [(0, 0), (2, 1), (4, 0)])
-    if family is not None and max(used) < len(places):
-        tx = np.array([[0.0, half * places[number][0], half * places[number][1]] for number in used])
-        return tx, rx, _BOARDS[family]
-    # Channels in a line, without gaps if receivers have none.
     tx = np.array([[0.0, half * (receivers[-1] + 1) * place, 0.0] for place in range(len(used))])
     return tx, rx, _ROW
-
-
-def _family(device: str) -> str | None:
-    """Two digits of a chip on one of TI's boards; None for another."""
-    name = device.upper()
-    if any(other in name for other in _OTHER_ARRAYS):
-        return None
-    return next((family for family in _BOARDS if f"WR{family}" in name), None)
 
 
 def _bits(mask: int, most: int, what: str, where: str) -> list[int]:
