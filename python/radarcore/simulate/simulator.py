@@ -307,21 +307,21 @@ class Simulator(Settings):
         angular_velocities: ArrayLike | None = None,
         bodies: Sequence[str] | None = None,
     ) -> Worlds:
-        """Frames of many worlds at once, which differ in the places of bodies and radar: for reinforcement learning.
+        """Frames of many worlds at once, with different poses of bodies and radar, for reinforcement learning.
 
-        All worlds share one call of the core and all threads, and each keeps what did not move since the call before.
-        Their samples are to the bit those of `frame` at time 0 of a scene with `Linear` motions; the noise of world n
-        is that of ``seed + n``.
+        One call of the core computes all worlds on all threads. Each world reuses its parts that did not move since
+        the previous call. Samples are bit-identical to `frame` at time 0 with `Linear` motions. World n draws its noise
+        from ``seed + n``.
 
         Parameters
         ----------
         poses : (world, body, 4, 4) or (world, body, 3, 4) array_like
-            Body to world at the start of the frame; of point targets the position counts. One body more than `bodies`:
-            the last is the radar.
+            Body to world at the start of the frame. Point targets use only the position. One more row than `bodies`
+            moves the radar.
         velocities, angular_velocities : (world, body, 3) array_like, optional
-            Of the same bodies, in world axes, about their origins [m/s], [rad/s]. Default: zero.
+            Of the same bodies at their origins, in world axes [m/s], [rad/s]. Default: zero.
         bodies : sequence of str, optional
-            Names of the bodies of `poses`; the others move as in the scene. Default: all, in the order of the scene.
+            Names of the bodies in `poses`; others move as in the scene. Default: all, in scene order.
 
         Returns
         -------
@@ -331,8 +331,8 @@ class Simulator(Settings):
         Raises
         ------
         ValueError
-            For shapes that do not fit; for a scene with deforming bodies or interferers; for a radar whose frame is a
-            single sample; at the first call, for antennas at or in a body, as in `frame`.
+            For shapes that do not fit, a scene with deforming bodies or interferers, a radar whose frame is a single
+            sample, and antennas on or inside a body (checked at the first call, as in `frame`).
 
         See Also
         --------

@@ -51,39 +51,39 @@ def detect(
     dynamic_range_db: float = 60.0,
     max_directions: int = 1,
 ) -> Detections:
-    """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
+    """Detect the targets in a frame and estimate range, velocity and direction of each, with covariance.
 
-    The map of range and velocity holds the sum of the channels' powers, on the grid of the transforms without padding.
-    A detection is a local maximum above the mean of its training cells by the factor of `cfar`. A training cell counts
-    for at most five times the level of its range, so that a wall does not mask a person nearby. The maximum must also
-    exceed the threshold after subtraction of the largest amplitude that sidelobes of stronger echoes can contribute;
-    their phase is unknown. Sidelobes are the window's, widened by the distance that a fast target crosses in a frame.
-    The same rule removes maxima on the main lobe of a stronger echo.
+    The range-Doppler map sums the power of all channels, without zero padding. A detection is a local maximum above the
+    mean of its training cells by the factor of `cfar`. Training cells are clipped at five times the level of their
+    range, so that a wall does not mask a person nearby. The maximum must also exceed the threshold after subtraction of
+    the largest amplitude that sidelobes of stronger echoes can contribute at any phase. The window determines the
+    sidelobes; the distance that a fast target crosses in a frame widens them. The same rule removes maxima on the main
+    lobe of a stronger echo.
 
     Noise in neighbouring cells of a windowed transform is correlated, so the effective number of training cells is
-    smaller. The threshold is at most 0.3 dB higher than necessary for `false_alarm_rate`. Noise causes at most this
-    rate of detections, slightly less because neighbours of a local maximum are not detected.
+    smaller. The threshold is at most 0.3 dB higher than necessary for `false_alarm_rate`. Noise causes detections at
+    this rate or a slightly lower one, because neighbours of a local maximum are not detected.
 
-    Targets in the same cell of range and velocity form one detection, whose direction may lie outside of both. If the
+    Targets in the same cell of range and velocity form one detection, whose direction may lie outside both. If the
     channels show this, `Detections.is_resolved` is False and the covariance of the angles is larger. An array with four
-    channels at different places along an axis can separate two targets, see `max_directions`. Velocities whose noise
+    channels at different places along an axis can separate two targets (`max_directions`). Velocities whose noise
     was removed by `remove_static` or `cancel_pulses` are excluded from training.
 
     Transmitters in Doppler-division multiplex are separated if a band is empty (`Schedule.ddm`). Among echoes at one
-    range with distances of whole bands, only the strongest is a detection.
+    range whose velocities differ by whole bands, only the strongest is detected.
 
-    Each detection is refined by the tone that fits the cells up to 4 beside it best, in all channels (maximum
-    likelihood), after subtraction of stronger ones nearby. The covariance is its Cramer-Rao bound at the estimated
-    SNR. Range and velocity hold at the middle of the frame, `Detections.time`. The range is corrected for the
-    Doppler shift, so the errors of range and velocity are correlated. A single chirp, or chirps at unequal
-    intervals, give no velocity, and their ranges keep the Doppler shift. A CW radar gives no range.
+    Each detection is refined by a maximum-likelihood fit of a tone to the cells within 4 of it, in all channels, after
+    subtraction of stronger echoes nearby. The covariance is the Cramer-Rao bound at the estimated SNR. Range and
+    velocity refer to the middle of the frame, `Detections.time`. The range is corrected for the Doppler shift, so the
+    errors of range and velocity are correlated. A single chirp, or chirps at unequal intervals, give no velocity, and
+    their ranges keep the Doppler shift. A CW radar gives no range.
 
     Parameters
     ----------
     frame : Frame, or (channel, chirp, sample) float32, float64, complex64 or complex128
         Beat signal, finite.
     radar : Radar, optional
-        Of a cube; a frame has its own.
+        Required for a cube; a frame has its own.
     false_alarm_rate : float
         Detections per cell of noise, above 0, up to 0.01. Cells are ``num_chirps`` times the range bins
         (``num_samples // 2 + 1`` from real samples) beyond `min_range`.
@@ -95,13 +95,13 @@ def detect(
         takes the missing noise at low velocities into account. Targets slower than about one velocity bin are lost.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: Hann, as in all
-        maps, because the sidelobes of a strong echo would hide weak ones; estimators and bounds of a single echo
+        maps, because the sidelobes of a strong echo would hide weak ones. Estimators and bounds of a single echo
         (`doppler_velocity`) default to none, which is the most accurate.
     min_range, max_range : float, optional
         Limits of the range [m]. Default: all except the two range bins next to the radar (and, for real samples, the
         last), which contain leakage. These bins are excluded from training too.
     dynamic_range_db : float
-        Detections more than this below the strongest are discarded [dB]; receivers and simulations are not more exact.
+        Detections more than this below the strongest are discarded [dB]; receivers and simulations are no more exact.
     max_directions : 1 or 2
         2: a cell gives two detections of equal range and velocity if two plane waves fit its channels significantly
         better than one. Each has its direction and `snr_db`. Most pairs are separated from 1.5 beam widths on. 1:
@@ -110,7 +110,7 @@ def detect(
     Returns
     -------
     detections : Detections
-        By increasing range. `snr_db` is the echo's power over the noise if it were in the middle of a cell, averaged
+        Sorted by range. `snr_db` is the echo's power over the noise if it were in the middle of a cell, averaged
         over the channels. The noise is the median of the training cells.
 
     Raises
@@ -129,7 +129,7 @@ def detect(
     --------
     Detections : The result.
     strongest_peak : The strongest echo alone.
-    cluster : One object for its many detections.
+    cluster : Groups detections by object.
     track : Targets over time.
 
     Examples

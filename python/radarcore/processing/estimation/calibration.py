@@ -75,12 +75,12 @@ class Calibration:
 
 
 def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0.3) -> Calibration:
-    """Measure the errors of the channels and of ranges with a reflector at a known position.
+    """Measure channel and range errors with a reflector at a known position.
 
     A suitable reflector is a trihedral corner of 3 to 10 cm, 1 to 5 m away and at least three range bins from other
     objects. Radar and reflector must be at rest. The echo in channel k is ``error_k * ideal_k``. `ideal_k` is the echo
     of a point at `at`, with the distances to every antenna, so the reflector may be in the near field. The weights are
-    the inverse errors. They include all errors of the channels, also receiver phases, and replace earlier
+    the inverse errors. They correct all channel errors, including receiver phases, and replace earlier
     ``Radar.channel_weights``.
 
     Several frames are averaged coherently, after removal of the phase common to all channels of a frame.
@@ -90,8 +90,7 @@ def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0
     frames : Frame or Recording
         Raw samples, real or I/Q. The radar needs a ramp and separable transmitters.
     at : (3,) array_like
-        Position of the reflector (the apex of a corner) in the sensor frame of the antennas [m]: x forward, y left, z
-        up.
+        Position of the reflector (the apex of a corner) in the sensor frame [m]: x forward, y left, z up.
     max_offset : float
         Largest difference between measured and true range [m].
 
@@ -102,8 +101,8 @@ def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0
     Raises
     ------
     ValueError, TypeError
-        If there is no echo near `at` or a second one of similar power, if the echo moves, if the ADC saturates, for
-        frames of several waveforms, a CW radar and Doppler-division multiplex.
+        If there is no echo near `at` or a second one of similar power, if the echo moves or the ADC saturates; for
+        frames of several waveforms, CW radars and Doppler-division multiplex.
 
     See Also
     --------

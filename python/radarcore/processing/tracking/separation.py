@@ -89,38 +89,38 @@ def separation(
     coverage: float = 3.0,
     body_radius: float = 0.3,
 ) -> list[Separation]:
-    """Distances between people and a robot, and the required distances: speed and separation monitoring.
+    """Actual and required distances between people and a robot: speed and separation monitoring.
 
     The protective separation distance is ``S = Sh + Sr + Ss + C + Zd + Zr`` (ISO/TS 15066:2016, 5.5.4; today ISO
-    10218-2:2025). The person walks on while the robot reacts and stops (Sh). The robot goes on while it reacts (Sr) and
-    stops (Ss). C is the reach of a hand before it is seen. Zd and Zr are the uncertainties of the places of person and
-    robot. The time since the last detection of the person counts as reaction time.
+    10218-2:2025). The person walks Sh while the robot reacts and stops. The robot travels Sr while it reacts and Ss
+    while it stops. C is the reach of a hand before it is detected. Zd and Zr are the position uncertainties of person
+    and robot. The time since the last detection of the person is added to the reaction time.
 
-    Everything is seen from above: heights do not count, which makes distances too small rather than too large. A
-    person is a disc about the track, and the nearest echo in front of it. A link is its convex hull. Use it to design
-    and to compare: it is no safety function.
+    Distances are horizontal. Ignoring heights makes them too small rather than too large. A person is a disc around the
+    track, plus the nearest echo in front of it. A link is its convex hull. Use this for design and comparison: it is
+    not a safety function.
 
     Parameters
     ----------
     tracks : iterable of TrackState
-        In the world of the robot, see ``Tracker(motion=...)``; unconfirmed tracks are left out.
+        In the robot's world frame, see ``Tracker(motion=...)``; unconfirmed tracks are ignored.
     robot : sequence of Body
-        Its links with their motions, such as ``arm.moving(...).bodies()``. The first call forms their hulls, which
-        are kept.
+        Its links with their motions, such as ``arm.moving(...).bodies()``. The first call computes and
+        caches their hulls.
     time : float, optional
-        Time of the distance [s], not before the tracks; people go on to it at their velocities. Default: the time of
-        the tracks; without any it is needed for `unobserved`.
+        Time of the distances [s], not before the tracks; people are extrapolated to it at constant velocity. Default:
+        the time of the tracks. Without tracks, `unobserved` requires it.
     unobserved : (n, 3) array_like, optional
         Places in the world [m] where a standing person would give no track, see `StaticMap.are_observable`. Each counts
         as a person who stands there.
     reaction_time : float
-        From the frame to the command to stop [s].
+        From the frame to the stop command [s].
     stopping_time : float
         From that command to standstill [s].
     stopping_distance : float, optional
-        Distance that the robot travels meanwhile [m]; default: its speed times `stopping_time`.
+        Distance that the robot travels in that time [m]; default: its speed times `stopping_time`.
     human_speed : float
-        Speed of people towards the robot [m/s]; the track of a faster person counts with its speed.
+        Speed of people towards the robot [m/s]; faster tracks use their own speed.
     intrusion : float
         C [m].
     robot_uncertainty : float
@@ -133,18 +133,18 @@ def separation(
     Returns
     -------
     separations : list of Separation
-        One per person, and one of the most critical of the `unobserved` places; the smallest margin first.
+        One per person, and one for the most critical `unobserved` place; smallest margin first.
 
     Raises
     ------
     ValueError
-        For tracks without angles, a robot without links, bodies that deform, a time before the tracks or none for
+        For tracks without angles, a robot without links, bodies that deform, a time before the tracks, no time for
         `unobserved` without tracks, and numbers below 0.
 
     See Also
     --------
     Tracker : Tracks of people, frame by frame.
-    processing.Separation : What comes back.
+    processing.Separation : The result.
 
     Examples
     --------

@@ -190,24 +190,23 @@ class TrackerKeywords(TypedDict, total=False):
 
 
 class Tracker:
-    """Tracks of a stream of frames: their state, which each update takes on.
+    """Track targets frame by frame.
 
-    A frame is brought in by these steps: clustering, prediction to its time, gating and assignment, the update of
-    the tracks that were detected, confirmations and ends, and new tracks from detections that belong to none.
+    Each update clusters the detections, predicts all tracks to their time, gates and assigns, updates the detected
+    tracks, confirms or ends tracks, and begins new ones from unassigned detections.
 
     Parameters
     ----------
     motion : Motion, optional
-        Of the sensor, as `Simulator` takes it, or live; it is asked for the times of the detections. Tracks are then in
-        its world: targets that stand still have no velocity there, and stay where they are while the sensor moves.
-        Default: the sensor is at rest, and its frame the world.
+        Of the sensor, as in `Simulator`, or live; evaluated at the times of the detections. Tracks are then in its
+        world frame, where targets at rest keep their positions while the sensor moves. Default: the sensor is at rest,
+        and its frame is the world.
     static_map : StaticMap, optional
-        Known surfaces in that world, for ``targets="people"``. Static detections elsewhere then begin tracks: of people
-        who stand still, and of unknown objects. The track of a person who stops near a surface is held at its place
-        without detections, until a track begins within 1 m of it and moves farther away. Places without an elevation
-        are at the height of the sensor.
+        Known surfaces in that world, for ``targets="people"``. Static detections elsewhere then begin tracks of
+        standing people and unknown objects. If a person stops near a surface, the track stays there without detections
+        until another begins within 1 m and moves farther away. Positions without an elevation are at sensor height.
     **settings
-        Those of `TrackerSettings`.
+        Fields of `TrackerSettings`.
 
     Attributes
     ----------
@@ -215,14 +214,14 @@ class Tracker:
     time : float
         Of the newest detections [s]; -inf before the first.
     num_dimensions : int or None
-        1, 2 or 3 of space; None until detections have told.
+        Of space: 1, 2 or 3. None until detections determine it.
     num_begun : int
-        Tracks that began, confirmed or not: the id of the next.
+        Tracks begun, confirmed or not; also the next id.
 
     See Also
     --------
     track : Tracks of a whole recording.
-    processing.TrackerSettings : What may be set.
+    processing.TrackerSettings : The settings.
 
     Examples
     --------
@@ -589,7 +588,7 @@ def track(
     static_map : StaticMap, optional
         Known surfaces, see `Tracker`.
     **settings
-        Those of `TrackerSettings`.
+        Fields of `TrackerSettings`.
 
     Returns
     -------
