@@ -73,7 +73,7 @@ class Placements:
         sensor = len(parts.mesh_numbers)
         rows = {int(number): row for row, number in enumerate(parts.mesh_numbers)}
         rows |= {int(number): sensor + 1 + row for row, number in enumerate(parts.point_numbers)}
-        self.rows = [*(rows[scene.names.index(name)] for name in bodies), *[sensor] * (placed - len(bodies))]
+        self.rows: list[int] = [*(rows[scene.names.index(name)] for name in bodies), *[sensor] * (placed - len(bodies))]
 
     def at(self, times: Array) -> Array:
         """Poses at times [s], (time, world, body, 3, 4); bodies are the `rows` of the core."""
