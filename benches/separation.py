@@ -171,7 +171,7 @@ def followed(kind: str, seed: int, num_frames: int, times: dict[str, list[float]
 
 
 def is_seen(known: rc.processing.StaticMap, place: Array, found: rc.Detections) -> bool:
-    """Whether a person who stands at a place (x, y) would be seen, by the map."""
+    """True if, by the map, a person who stands at a place (x, y) would be seen."""
     height = MOTION.at(found.time).position[2]
     return bool(known.are_observable([[*place[:2], height]], found, MOTION)[0])
 
@@ -195,7 +195,7 @@ def surfaces(person: rc.models.Human, rng: np.random.Generator) -> dict[str, rc.
 
 
 def near_surfaces(num_seeds: int, num_frames: int) -> dict[str, list[tuple[bool, bool]]]:
-    """Whether a person has a track, and whether the place is observable, in every frame."""
+    """Flags of every frame: the person has a track, the place is observable."""
     seen: dict[str, list[tuple[bool, bool]]] = {}
     for seed in range(num_seeds):
         rng = np.random.default_rng(200 + seed)

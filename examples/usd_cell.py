@@ -23,7 +23,7 @@ segments, links = person.bodies(name="person"), arm.bodies(name="arm")
 
 
 def write_stage(path: Path, times: np.ndarray) -> None:
-    """The same scene as a stage, with the material of the person by its name."""
+    """Write the scene as a stage; the material of the person has a name of the library."""
     from pxr import Usd, UsdGeom, UsdShade, UsdSkel
 
     stage = Usd.Stage.CreateNew(str(path))

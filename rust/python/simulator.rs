@@ -384,12 +384,16 @@ impl Simulator {
             let Answer::Done(frame) = answer else {
                 return Ok(None);
             };
+            let frame = *frame;
             match frame.cube {
                 Samples::Single(samples) => single.extend(samples),
                 Samples::Double(samples) => double.extend(samples),
             }
             truths.push(frame.truth.unwrap_or_default());
-            counts = Some(counts.map_or_else(|| frame.counts.clone(), |before| before.and(frame.counts.clone())));
+            counts = Some(match counts {
+                Some(before) => before.and(frame.counts),
+                None => frame.counts,
+            });
         }
         let [channels, chirps, samples] = self.model.shape();
         let shape = [number, channels, chirps, samples];

@@ -20,7 +20,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
 from radarcore.receive.chain import received
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth, adc_codes, frame_of, truth_of_rows
+from radarcore.recording.frame import Frame, Truth, adc_codes, frame_of, truth_of_rows
 from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
 from radarcore.records import sealed
@@ -367,10 +367,7 @@ class Simulator(Settings):
         seeds = [(self.seed + world) % 2**64 for world in range(placements.number)]
         cube, use = received(arriving, self._sequences, 0.0, seeds=seeds)
         rows = self._checked_truth(ideals, use)
-        truth = object.__new__(Truth)
-        shape = (placements.number, len(self.scene.names))
-        fields = (values.reshape(shape) for values in check.frozen(rows))
-        vars(truth).update(zip(TRUTH_FIELDS, fields, strict=True), names=self.scene.names)
+        truth = Truth(self.scene.names, *rows.reshape(len(rows), placements.number, -1))
         return Worlds(cube.reshape(placements.number, -1, *cube.shape[1:]), truth)
 
     def paths(self, time: float | None = None) -> Paths:

@@ -385,7 +385,7 @@ class StageScene:
         return places
 
     def _once(self, key: Any, make: Callable[[], Any]) -> Any:
-        """What several prims share."""
+        """Object that several prims share, made at the first call."""
         if key not in self._made:
             self._made[key] = make()
         return self._made[key]

@@ -200,9 +200,9 @@ class StaticMap:
 
     def conceals(self, places: Array, sensor: SensorState, ranges: Array, radius: float = 0.0) -> NDArray[np.bool_]:
         """True for places near the surfaces or at one of the ranges of their echoes, whose cell would be shared."""
-        apart = np.abs(np.linalg.norm(places - sensor.pose[:, 3], axis=1)[:, None] - ranges)
+        differences = np.abs(np.linalg.norm(places - sensor.pose[:, 3], axis=1)[:, None] - ranges)
         is_near = self._tree.query(places, distance_upper_bound=self.hidden_distance + radius)[0] < np.inf
-        return np.asarray(is_near | (np.fmin.reduce(apart, axis=1, initial=np.inf) <= self.distance + radius))
+        return np.asarray(is_near | (np.fmin.reduce(differences, axis=1, initial=np.inf) <= self.distance + radius))
 
     def shades(self, places: Array, sensor: SensorState) -> NDArray[np.bool_]:
         """True for places behind a surface: a point is within `_SPACING` of the line of sight.

@@ -48,7 +48,7 @@ _L_LENGTHS = {
     "antGeometryDist": (2,),
     "compRangeBiasAndRxChanPhase": (13, 33),
 }
-"""The same of the L-SDK."""
+"""Commands of the L-SDK, likewise."""
 
 _OF_L_SDK = re.compile(r"^\s*chirp(Comn|Timing)Cfg\b", re.MULTILINE)
 """Commands of the SDK for chips such as xWRL6432, whose other commands have different arguments."""
