@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from unittest import mock
 
@@ -38,7 +40,8 @@ a static sensor. 3 receivers, 64 chirps, 128 samples, {machine}, two threads. Wr
 "noise" is the core's part of the receiver, "Python" everything outside of the core: placement, truth, checks. "rays"
 is the mean number cast per frame; the others are reused from the previous frame, which a static sensor permits wherever
 nothing moves in view. "paths" is the number of material points. "more than {enough} times" counts the frames whose
-delays need more node times.
+delays need more node times. The last two rows are processor time on one thread: of frames like these, and of a first
+frame, of which nothing is known from a previous one.
 
 {table}
 
@@ -85,6 +88,8 @@ class Column:
     name: str
     stages: dict[str, np.ndarray]
     counts: dict[str, np.ndarray]
+    cpu: np.ndarray
+    first: np.ndarray
 
 
 def scene() -> tuple[rc.Scene, dict[str, Motion], dict[str, int]]:
@@ -127,6 +132,10 @@ def boxes() -> rc.Scene:
     )
 
 
+def simulator_of(scene: rc.Scene, radar: rc.Radar, settings: dict[str, Any], threads: int) -> rc.Simulator:
+    return rc.Simulator(scene, radar, threads=threads, **settings)
+
+
 def depth_images(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Distances of a wavy wall that comes closer, now and one frame before [m]: every pixel has a range rate."""
     y, z = np.meshgrid(np.linspace(-1.0, 1.0, columns), np.linspace(0.75, -0.75, rows))
@@ -157,8 +166,24 @@ def depth_row(radar: rc.Radar, rows: int, columns: int, num_frames: int) -> list
     return ["frame_from_depth", str(frame.stats["paths"]), *(milliseconds(float(each)) for each in spread)]
 
 
-def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
-    """Run times of the stages, and some counts, of frames one after another."""
+def processor_times(make: Callable[[int], rc.Simulator], num_frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Processor times [s] on one thread of frames one after another, and of first frames."""
+    times, first = np.empty(num_frames), np.empty(min(num_frames, 5))
+    for number in range(len(first)):
+        simulator = make(1)
+        start = time.process_time()
+        simulator.frame(0.0)
+        first[number] = time.process_time() - start
+    for number in range(num_frames):
+        start = time.process_time()
+        simulator.frame((number + 1) / RATE)
+        times[number] = time.process_time() - start
+    return times, first
+
+
+def measure(name: str, make: Callable[[int], rc.Simulator], num_frames: int) -> Column:
+    """Run times of the stages, and some counts, of frames one after another, by simulators of a number of threads."""
+    simulator = make(2)
     simulator.frame(0.0)
     watch = Stopwatch(simulator._engines[0])
     vars(simulator)["_engines"] = [watch]
@@ -180,6 +205,7 @@ def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
         name,
         {key: np.array([times[key] for times in stages]) for key in stages[0]},
         {"rays": rays, "paths": paths, f"more than {ENOUGH_TIMES} times": nodes > ENOUGH_TIMES},
+        *processor_times(make, num_frames),
     )
 
 
@@ -195,6 +221,8 @@ def rows(columns: list[Column]) -> list[list[str]]:
     for title in columns[0].counts:
         counts = [column.counts[title] for column in columns]
         found.append([title, *(f"{each.sum() if each.dtype == bool else each.mean():.0f}" for each in counts)])
+    found.append(["CPU, one thread", *(milliseconds(float(np.median(column.cpu))) for column in columns)])
+    found.append(["CPU, first frame", *(milliseconds(float(np.median(column.first))) for column in columns)])
     return found
 
 
@@ -211,16 +239,9 @@ def main() -> None:
     columns = []
     for name, motion in sensors.items():
         for sampling in ("adaptive",) if options.tiny else ("adaptive", "fast"):
-            simulator = rc.Simulator(
-                bodies,
-                radar,
-                radar_motion=motion,
-                field_of_view_deg=(90.0, 60.0),
-                sampling=sampling,
-                threads=2,
-            )
-            columns.append(measure(f"{name}, {sampling}", simulator, num_frames))
-    columns.append(measure("ten boxes", rc.Simulator(boxes(), radar, threads=2), num_frames))
+            view = {"radar_motion": motion, "field_of_view_deg": (90.0, 60.0), "sampling": sampling}
+            columns.append(measure(f"{name}, {sampling}", partial(simulator_of, bodies, radar, view), num_frames))
+    columns.append(measure("ten boxes", partial(simulator_of, boxes(), radar, {}), num_frames))
     text = table(["stage", *(column.name for column in columns)], rows(columns))
     print(text, end="\n\n")
     shape = (24, 32) if options.tiny else (240, 320)

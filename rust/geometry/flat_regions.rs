@@ -23,7 +23,7 @@ const LEAST_AREA: f64 = 25e-6;
 const MOST_EDGES: usize = 1000;
 
 /// Largest number of regions of a mesh.
-const MOST_REGIONS: usize = 256;
+const MOST_REGIONS: usize = 255;
 
 /// Region of a triangle in none.
 const NONE: u32 = u32::MAX;

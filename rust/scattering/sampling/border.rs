@@ -1,7 +1,9 @@
 //! Border of a tile: cells along its sides, for comparison with cells of adjacent tiles.
 
 use super::cells::TileCells;
-use super::residual::{BLOCKS, BODY, CellFeatures, FEATURES, Features, NOTHING, PHASE, VALID, block, load, pair_error};
+use super::residual::{
+    BLOCKS, CellFeatures, FEATURES, Features, NOTHING, PHASE, SURFACE, VALID, block, load, pair_error,
+};
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::TILE;
 use crate::rays::packet::{PACKET, TileRays};
@@ -23,7 +25,7 @@ impl Border {
     /// Border of a tile whose directions are not cast.
     pub(super) const OUTSIDE: Self = {
         let mut features = [[0.0; AROUND]; FEATURES];
-        features[BODY] = [NOTHING; AROUND];
+        features[SURFACE] = [NOTHING; AROUND];
         Self {
             features,
             distance: [0.0; AROUND],

@@ -49,6 +49,8 @@ pub(super) struct TileCells {
     /// without a hit.
     pub(super) field: [f32; MOST_RAYS],
     pub(super) body: [u32; MOST_RAYS],
+    /// Number of the surface without sharp edges that is hit: of a flat region, or of the rest of the body.
+    pub(super) surface: [u32; MOST_RAYS],
     pub(super) triangle: [u32; MOST_RAYS],
     /// A bit per cell with a ray, and with a hit that returns power.
     pub(super) valid: u64,
@@ -74,6 +76,7 @@ impl TileCells {
         reflection: [[0.0; MOST_RAYS]; 2],
         field: [0.0; MOST_RAYS],
         body: [NO_BODY; MOST_RAYS],
+        surface: [0; MOST_RAYS],
         triangle: [0; MOST_RAYS],
         valid: 0,
         hit: 0,

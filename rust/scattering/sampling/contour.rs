@@ -158,20 +158,18 @@ impl Contours {
         self.is_contour
     }
 
-    /// Remove the hits of cells in regions.
-    pub(super) fn remove_from(&self, cells: &mut TileCells, sector: &Sector) {
+    /// Number the surfaces of cells, and remove the hits in regions that are integrated along their outline.
+    pub(super) fn number_surfaces(&self, cells: &mut TileCells, sector: &Sector) {
         let mut rest = cells.hit;
         while rest != 0 {
             let cell = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let body = cells.body[cell];
-            let is_contour = &self.is_contour[body as usize];
-            if is_contour.is_empty() {
-                continue;
-            }
             let flat = sector.scene.surface(body).flat_regions();
             let region = flat.and_then(|flat| flat.of_triangle(cells.triangle[cell]));
-            if region.is_some_and(|region| is_contour[region]) {
+            // Exact in single precision, as a body has at most 255 regions.
+            cells.surface[cell] = body | region.map_or(0, |region| region as u32 + 1) << 16;
+            if region.is_some_and(|region| self.is_contour[body as usize].get(region) == Some(&true)) {
                 cells.remove(cell);
             }
         }

@@ -10,8 +10,8 @@ use crate::scattering::taper::STEEPEST;
 /// where distances step. The larger phase error of such pairs would double the rays for an equal error of the sum.
 const EDGE: f32 = 0.1;
 
-/// Share of a cell's field for adjacent cells of two bodies.
-const OTHER_BODY: f32 = 0.1;
+/// Share of a cell's field for adjacent cells of two surfaces.
+const OTHER_SURFACE: f32 = 0.1;
 
 /// Part of the change of a slope from cell to cell by which it may change within a block: cells of half the size have
 /// their centres a quarter from the middle.
@@ -45,13 +45,13 @@ const ALIAS_SCALE: usize = 5;
 /// Field per solid angle times distance squared [m^2].
 const FIELD: usize = 6;
 
-/// Number of the body, or [`NOTHING`].
-pub(super) const BODY: usize = 7;
+/// Number of the surface, see [`TileCells::surface`], or [`NOTHING`].
+pub(super) const SURFACE: usize = 7;
 
 /// 1 for cells with a ray, 0 for others.
 pub(super) const VALID: usize = 8;
 
-/// Body of cells without a hit.
+/// Surface of cells without a hit.
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Load a vector of every row from a place on.
@@ -75,15 +75,16 @@ pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Features<V>, b: &Features<
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let phase = b[PHASE].sub(a[PHASE]).add(a[SLOPE + axis]).add(b[SLOPE + axis]);
     let change = magnitude(b[SLOPE].sub(a[SLOPE])).add(magnitude(b[SLOPE + 1].sub(a[SLOPE + 1])));
-    let other_body = zero.select(a[BODY].equal(b[BODY]), V::splat(OTHER_BODY));
-    let residual = magnitude(phase).add(change.mul(V::splat(0.25))).add(other_body);
-    let is_silhouette = zero.at_most(a[BODY]) ^ zero.at_most(b[BODY]);
+    let is_one = a[SURFACE].equal(b[SURFACE]);
+    let other_surface = zero.select(is_one, V::splat(OTHER_SURFACE));
+    let residual = magnitude(phase).add(change.mul(V::splat(0.25))).add(other_surface);
+    let is_silhouette = zero.at_most(a[SURFACE]) ^ zero.at_most(b[SURFACE]);
     let is_edge = is_silhouette | one.at_most(residual);
     let scale = a[ALIAS_SCALE].max(b[ALIAS_SCALE]);
-    // A stationary point may lie between slopes of opposite signs.
+    // A stationary point may lie between slopes of opposite signs of one surface.
     let mut damping = [one; 2];
     for axis in 0..2 {
-        let is_steady = zero.at_most(a[SLOPE + axis].mul(b[SLOPE + axis]));
+        let is_steady = !is_one | zero.at_most(a[SLOPE + axis].mul(b[SLOPE + axis]));
         let factor = scale.select(is_steady, zero);
         damping[0] = damping[0].mul(one.add(a[LEAST + axis].mul(factor)));
         damping[1] = damping[1].mul(one.add(b[LEAST + axis].mul(factor)));
@@ -106,20 +107,20 @@ impl CellFeatures {
     #[cfg_attr(optimised, inline(always))]
     pub(super) fn new<I: Isa>(cells: &TileCells) -> Self {
         // Packet by packet.
-        let (mut body, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
+        let (mut surface, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
         for i in 0..MOST_RAYS {
-            body[i] = cells.body[i] as f32;
+            surface[i] = cells.surface[i] as f32;
         }
         let splat = <I::F32 as Vector>::splat;
         for packet in 0..PACKETS {
             let first = packet * PACKET;
-            let seen = I::F32::load(&body[first..]).select(cells.hits(packet), splat(NOTHING));
-            seen.store(&mut body[first..]);
+            let seen = I::F32::load(&surface[first..]).select(cells.hits(packet), splat(NOTHING));
+            seen.store(&mut surface[first..]);
             let bits = (cells.valid >> first) as u32 & 0xffff;
             splat(1.0).select(bits, splat(0.0)).store(&mut valid[first..]);
         }
         let mut rows = [[0.0; CAPACITY]; FEATURES];
-        rows[BODY] = [NOTHING; CAPACITY];
+        rows[SURFACE] = [NOTHING; CAPACITY];
         let by_packet = [
             (PHASE, &cells.phase),
             (SLOPE, &cells.slope[0]),
@@ -127,7 +128,7 @@ impl CellFeatures {
             (LEAST, &cells.least_slope[0]),
             (LEAST + 1, &cells.least_slope[1]),
             (FIELD, &cells.field),
-            (BODY, &body),
+            (SURFACE, &surface),
             (VALID, &valid),
         ];
         for (feature, numbers) in by_packet {
@@ -155,11 +156,11 @@ impl CellFeatures {
             let mut right = [0.0_f32; CAPACITY];
             let mut below = [0.0_f32; CAPACITY];
             for first in (0..MOST_RAYS).step_by(PACKET) {
-                let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&rows[BODY][first..]));
-                let is_same = body.equal(I::F32::load(&rows[BODY][first + 1..])) & INNER;
+                let (here, surface) = (I::F32::load(&slope[first..]), I::F32::load(&rows[SURFACE][first..]));
+                let is_same = surface.equal(I::F32::load(&rows[SURFACE][first + 1..])) & INNER;
                 let change = magnitude(I::F32::load(&slope[first + 1..]).sub(here));
                 change.select(is_same, splat(0.0)).store(&mut right[first + 1..]);
-                let is_same = body.equal(I::F32::load(&rows[BODY][first + TILE..]));
+                let is_same = surface.equal(I::F32::load(&rows[SURFACE][first + TILE..]));
                 let change = magnitude(I::F32::load(&slope[first + TILE..]).sub(here));
                 change.select(is_same, splat(0.0)).store(&mut below[first + TILE..]);
             }
@@ -174,7 +175,7 @@ impl CellFeatures {
         }
         for (number, steep) in steep.into_iter().enumerate() {
             let first = number * PACKET;
-            let is_hit = splat(0.0).at_most(I::F32::load(&rows[BODY][first..]));
+            let is_hit = splat(0.0).at_most(I::F32::load(&rows[SURFACE][first..]));
             let scale = splat(1.0).div(steep).select(is_hit, splat(0.0));
             scale.store(&mut rows[ALIAS_SCALE][first..]);
         }
@@ -269,7 +270,7 @@ mod tests {
         fn run<I: Isa>(self) -> f32 {
             let splat = <I::F32 as Vector>::splat;
             let mut nothing = [splat(0.0); FEATURES];
-            (nothing[BODY], nothing[VALID]) = (splat(NOTHING), splat(1.0));
+            (nothing[SURFACE], nothing[VALID]) = (splat(NOTHING), splat(1.0));
             let mut hit = [splat(0.0); FEATURES];
             (hit[SLOPE], hit[LEAST]) = (splat(self.slope), splat(self.slope));
             (hit[ALIAS_SCALE], hit[FIELD], hit[VALID]) = (splat(self.scale), splat(1.0), splat(1.0));
@@ -293,6 +294,39 @@ mod tests {
         }
     }
 
+    /// Residual field of cells with slopes of opposite signs, of one surface or of two.
+    struct AtFold {
+        is_one: bool,
+    }
+
+    impl Kernel for AtFold {
+        type Output = f32;
+
+        #[cfg_attr(optimised, inline(always))]
+        fn run<I: Isa>(self) -> f32 {
+            let splat = <I::F32 as Vector>::splat;
+            let cell = |slope: f32, surface: f32| {
+                let mut cell = [splat(0.0); FEATURES];
+                (cell[SLOPE], cell[LEAST], cell[SURFACE]) = (splat(slope), splat(slope.abs()), splat(surface));
+                (cell[ALIAS_SCALE], cell[FIELD], cell[VALID]) = (splat(1.0), splat(1.0), splat(1.0));
+                cell
+            };
+            let mut residual = [0.0; PACKET];
+            let other = if self.is_one { 0.0 } else { 1.0 };
+            pair_error(&cell(3.0, 0.0), &cell(-3.0, other), 0).store(&mut residual);
+            residual[0]
+        }
+    }
+
+    #[test]
+    fn between_two_surfaces_no_point_is_stationary() {
+        for level in Level::available() {
+            // One surface may reflect like a mirror between the cells; at a fold of two both fade by their slopes.
+            assert!((level.run(AtFold { is_one: true }) - 0.1).abs() < 1e-6);
+            assert!((level.run(AtFold { is_one: false }) - 0.1 / 4.0).abs() < 1e-6);
+        }
+    }
+
     /// Alias scales of the first cells of a tile, of slopes along u [rad].
     struct Steepened([f32; 4]);
 
@@ -302,10 +336,10 @@ mod tests {
         #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [f32; 4] {
             let mut cells = TileCells::EMPTY;
-            // Of bodies of their own, so that no slope changes from cell to cell; the last misses.
+            // Of surfaces of their own, so that no slope changes from cell to cell; the last misses.
             for (column, slope) in self.0.into_iter().enumerate() {
                 let cell = TileRays::ray(0, column);
-                cells.body[cell] = column as u32;
+                cells.surface[cell] = column as u32;
                 cells.slope[0][cell] = slope;
                 cells.least_slope[0][cell] = slope;
                 cells.valid |= 1 << cell;

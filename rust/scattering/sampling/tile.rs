@@ -158,7 +158,7 @@ impl Kernel for EvaluateTile<'_> {
             if place.level == 0 {
                 tile.scattering_length = cells.scattering_length();
             }
-            context.contours.remove_from(cells, sector);
+            context.contours.number_surfaces(cells, sector);
             let features = CellFeatures::new::<I>(cells);
             tile.border = Border::new(&features, cells, rows, columns);
             tile.blocks = Blocks::new::<I>(&features);
