@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import argparse
 import io
-from itertools import product
 
-from page import ACCURACY, DOCS, POINTS, machine, table
+from page import ACCURACY, DOCS, POINTS, machine, table, write_section
 from proof import embree
 from proof.bounds import (
     DENSE,
@@ -67,45 +66,13 @@ PAGE = DOCS / "accuracy.md"
 PICTURE = PAGE.with_suffix(".png")
 
 SUMMARY_TEXT = """\
-# Accuracy
-
-Written by `python benches/accuracy.py --write`; {machine}. [All tables](../benches/results/accuracy.md) have every
-target, [sampling](sampling.md) and view.
-
-At the default setting, errors of plates and discs are at most {flat_level} dB and {flat_phase} rad. Errors of spheres
-and a cylinder are at most {curved_level} dB and {curved_phase} rad. This holds at 64 frequencies from 57 to 64 GHz and
-for six turns of the radar by fractions of a pixel. All numbers are sampling errors against physical optics; mesh error
-is excluded.
-
-![Error against time and settings]({picture})
-
-*Error of the range profile against run time and setting: `point` (one phasor per pixel, weighted by area), `footprint`
-(linear phase over each pixel) and `adaptive` (the default). `point` converges only where a pixel is less than a
-wavelength deep.*
-
-## Bounds of the default setting
+On {machine}:
 
 {bounds}
-
-Worst and median over all targets of a kind. The script fails if the default setting misses a bound, and
-`tests/simulate` checks the bounds again. "Dense integration" sums tens of millions of rays over the same meshes. The
-error of a range profile is the l2 norm of the complex difference relative to the l2 norm of the profile.
 
 Other samplings miss some of their bounds:
 
 {unheld}
-
-## Limits of the model
-
-The numbers above are errors of the computation. Physical optics itself differs from a measurement
-([all limits](radar-engineers.md#what-is-not-modelled)):
-
-- **Diffraction**: edges diffract only as the rim of an aperture, and creeping waves are missing. Exact spheres differ
-  by about 1 / (2 k a), 1 % at a radius of 4 cm. Thin wires, bodies smaller than a few wavelengths, edges seen along
-  their face and shadow sides are not modelled.
-- **Meshes**: facets with a sagitta above 0.1 mm add phase error (`rc.mesh_report`). A collision mesh can be wrong by
-  several decibels in single peaks, at any sampling. At grazing incidence facets show even on fine meshes, because their
-  polygonal rims return an echo.
 """
 
 PAGE_TEXT = """\
@@ -423,7 +390,6 @@ def main() -> None:
     show("bounds", table(columns, bound_rows(bounds)))
     default = table(columns[:-1], [row[:-1] for row in bound_rows(default_bounds(bounds))])
 
-    largest = [bound for bound in bounds if bound.what.endswith("any turn and frequency")]
     points = [*single_points(run), *mesh_points(meshes)]
     show(
         "times", table(["target", "sampling", "reference", *(f"{most:g} ms" for most in WITHIN_MS)], time_rows(points))
@@ -432,17 +398,10 @@ def main() -> None:
     drawn = points if run is FULL else [p for p in points if p.target == points[0].target]
     picture(drawn).savefig(io.BytesIO(), dpi=100)
     if arguments.write:
+        unheld = "\n".join(unheld_lines(bounds))
+        summary = SUMMARY_TEXT.format(machine=machine(), bounds=default, unheld=unheld)
         write_points(POINTS, points)
         write_picture()
-        largest_of = {
-            f"{kind}_{quantity}": f"{max(bound.measured):.2g}"
-            for (kind, quantity), bound in zip(product(("flat", "curved"), ("level", "phase")), largest, strict=True)
-        }
-        unheld = "\n".join(unheld_lines(bounds))
-        summary = SUMMARY_TEXT.format(
-            machine=machine(), picture=PICTURE.name, bounds=default, unheld=unheld, **largest_of
-        )
-        PAGE.write_text(summary, encoding="utf-8")
         page = PAGE_TEXT.format(
             machine=machine(),
             single_turns=len(range(0, run.turns, 2)),
@@ -457,6 +416,7 @@ def main() -> None:
             **texts,
         )
         ACCURACY.write_text(page, encoding="utf-8")
+        write_section(PAGE, "accuracy", summary)
 
 
 if __name__ == "__main__":

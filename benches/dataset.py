@@ -108,8 +108,8 @@ def resident() -> float:
 
 
 def speeds(folder: Path, tiny: bool) -> str:
-    """Table of frames per second of one core, and of their size."""
-    rows = []
+    """Table of frames per second of one core, and of their size; a terabyte of the first scene."""
+    rows, sizes = [], []
     for name, (text, count) in SCENES.items():
         scene, out = folder / "scene.toml", folder / "out"
         scene.write_text(text.replace(LONG, SHORT).replace(LONGEST, SHORT) if tiny else text)
@@ -126,12 +126,13 @@ def speeds(folder: Path, tiny: bool) -> str:
         own = made(scene, out, few + number, 1, per_shard)[1] - first
         start = max(0.0, first - own * few / number)
         per_frame = size_of(out) / num_frames * number / (few + number)
+        sizes.append((per_frame, num_frames / own))
         rows.append(
             [
                 name,
                 f"{num_frames / alone:.1f}",
                 f"{num_frames / own:.1f}",
-                f"{alone / own:.0%}",
+                f"{100.0 * alone / own:.0f} %",
                 f"{start:.2f}",
                 f"{per_frame:.0f}",
                 f"{3600.0 * num_frames / own * per_frame / 1e9:.2f}",
@@ -141,7 +142,10 @@ def speeds(folder: Path, tiny: bool) -> str:
         *("scene", "`Simulator.frame` [1/s]", "stored [1/s]", "share", "start [s]"),
         *("bytes per frame", "GB per hour and core"),
     ]
-    return table(header, rows)
+    (size, stored), (codes, _), *_ = sizes
+    hours = 1e12 / size / stored / 3600.0
+    terabyte = f"A terabyte of the first scene is {1e6 / size:.0f} million frames, {hours:.0f} core hours."
+    return f"{table(header, rows)}\n\n{terabyte} ADC codes take {100.0 * codes / size:.0f} % of it."
 
 
 def rate(scene: Path, count: int) -> float:
@@ -176,7 +180,13 @@ def scaling(folder: Path, tiny: bool) -> str:
     return table(
         header,
         [
-            [f"{n}", f"{together:.1f}", f"{stored:.1f}", f"{stored / (n * one):.0%}", f"{stored / together:.0%}"]
+            [
+                f"{n}",
+                f"{together:.1f}",
+                f"{stored:.1f}",
+                f"{100.0 * stored / (n * one):.0f} %",
+                f"{100.0 * stored / together:.0f} %",
+            ]
             for n, together, stored in rows
         ],
     )

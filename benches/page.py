@@ -1,4 +1,7 @@
-"""Texts that the benches write into benches/results and docs: tables, and sections between two comments."""
+"""Texts that the benches write into benches/results and docs: tables, sections between two comments, and numbers.
+
+python benches/page.py --write    put the numbers of the tables into the summary pages, as every bench with --write does
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
-DOCS = Path(__file__).parent.parent / "docs"
+from summaries import CELLS, PLACES
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 RESULTS = Path(__file__).parent / "results"
 PERFORMANCE, ACCURACY, POINTS = RESULTS / "performance.md", RESULTS / "accuracy.md", RESULTS / "accuracy.csv"
+
+NUMBER = r"\d+(?:\.\d+)?(?:e[+-]\d+)?"
 
 
 def table(header: list[str], rows: Iterable[list[str]]) -> str:
@@ -54,8 +62,45 @@ def section_of(page: Path, bench: str) -> str:
 
 
 def write_section(page: Path, bench: str, text: str) -> None:
-    """Replace the section of one bench."""
+    """Replace the section of one bench, and the numbers of the summary pages."""
     page.write_text(with_section(page.read_text(encoding="utf-8"), bench, text), encoding="utf-8")
+    write_numbers()
+
+
+def write_numbers() -> None:
+    """Put the numbers of the tables into the summary pages."""
+    found = numbers()
+    for name, places in PLACES.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        (ROOT / name).write_text(with_numbers(text, places, found), encoding="utf-8")
+
+
+def numbers() -> dict[str, str]:
+    """The numbers of the tables, by name."""
+    results = "".join(page.read_text(encoding="utf-8") for page in (PERFORMANCE, ACCURACY))
+    return {name: cell_of(results, cell) for name, cell in CELLS.items()}
+
+
+def cell_of(text: str, cell: str) -> str:
+    """The number in a cell: the beginning of the line above its table, the first cells of its row, its column."""
+    line, *start, column = cell.split(" | ")
+    rows = tables_of(text.partition(f"\n{line}")[2])[0]
+    (found,) = (row[column] for row in rows if list(row.values())[: len(start)] == start)
+    return found.partition(" ")[0]
+
+
+def with_numbers(page: str, places: Iterable[str], numbers: dict[str, str]) -> str:
+    """The page with numbers in their places: texts with names in braces, each of which it has once."""
+    for place in places:
+        texts, names = re.split(r"\{\w+\}", place), re.findall(r"\{(\w+)\}", place)
+        pattern = NUMBER.join("(" + re.escape(text).replace(r"\ ", r"\s+") + ")" for text in texts)
+        found = list(re.finditer(pattern, page))
+        if len(found) != 1:
+            raise ValueError(f"page: expected {place!r} once, got {len(found)} times")
+        values = [*(numbers[name] for name in names), ""]
+        filled = "".join(text + value for text, value in zip(found[0].groups(), values, strict=True))
+        page = page[: found[0].start()] + filled + page[found[0].end() :]
+    return page
 
 
 @contextmanager
@@ -85,3 +130,7 @@ def with_section(page: str, bench: str, text: str) -> str:
     if not found:
         raise ValueError(f"page: expected {end.strip()!r} after {start.strip()!r}")
     return before + section + after
+
+
+if __name__ == "__main__" and "--write" in sys.argv:
+    write_numbers()

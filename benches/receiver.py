@@ -49,6 +49,8 @@ class Statistics:
         change = np.diff(codes, axis=2) / np.sqrt(2.0)
         offset = change.mean(axis=-1, keepdims=True)
         self.change = change - offset
+        spectrum = np.fft.rfft(self.chirp - self.chirp.mean(axis=1, keepdims=True))
+        self.leakage = np.abs(spectrum[:, 1:10]) ** 2
         self.density = (np.abs(np.fft.rfft(self.change)) ** 2).mean(axis=(0, 2)) / num_samples
         upper = self.density[:, len(self.density[0]) // 2 :].mean(axis=1)
         self.rows = dict(
@@ -156,6 +158,12 @@ def print_table(columns: dict[str, Statistics]) -> None:
         print(f"{row:<37}" + "".join(f"{cell:>26}" for cell in cells))
 
 
+def worst(model: NDArray[np.float64], recorded: NDArray[np.float64], last: tuple[int | None, ...] = (None,) * 3) -> str:
+    """The largest difference of powers (rx, bin) in decibels, by receiver."""
+    decibels = 10.0 * np.log10(model / recorded)
+    return " / ".join(f"{max(row[:end], key=abs):+.1f}" for row, end in zip(decibels, last, strict=True))
+
+
 def draw(columns: dict[str, Statistics], waveform: rc.Waveform, num_frames: int) -> None:
     """Leakage over a chirp, noise over range, distribution of noise, phase noise over range."""
     import matplotlib as mpl
@@ -223,6 +231,12 @@ def main() -> None:
         for row in list(ROWS)[1:5] if "recording" in columns else ():
             decibels = 20.0 * np.log10(columns["model"].rows[row] / columns["recording"].rows[row])
             print(f"{row.partition(' [')[0]}, model [dB]: " + " / ".join(f"{value:+.1f}" for value in decibels))
+        if "recording" in columns:
+            model, recorded = columns["model"], columns["recording"]
+            print(f"noise, worst range bin, model [dB]: {worst(model.density[:, 1:], recorded.density[:, 1:])}")
+            # From bin 3 on RX3 has less leakage than echoes of the room.
+            leaks = worst(model.leakage, recorded.leakage, last=(9, 9, 2))
+            print(f"leakage, worst of range bins 1 to 9 (RX3: 2), model [dB]: {leaks}")
         found, formula = residual_phase(np.array([0.3, 1.2]), 1 if options.tiny else 20)
         for distance, got, expected in zip((0.3, 1.2), found, formula, strict=True):
             print(f"phase noise at {distance} m [degrees]: {got:.4f}, formula {expected:.4f}")

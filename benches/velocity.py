@@ -1,7 +1,7 @@
 """Ways to measure velocity side by side: deviations against the signal-to-noise ratio, with the Cramér-Rao bounds.
 
     python benches/velocity.py            print the tables
-    python benches/velocity.py --write    also write docs/velocity.png
+    python benches/velocity.py --write    also write the section of docs/velocity.md, and docs/velocity.png
     python benches/velocity.py --tiny     run everything once on few trials
 
 Exact samples of one target per trial, at a random range and velocity, with white noise: a frame of chirps for Doppler
@@ -21,9 +21,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import radarcore as rc
+from page import DOCS, printed_into
 from radarcore.units import SPEED_OF_LIGHT
 
-PICTURE = Path(__file__).resolve().parents[1] / "docs" / "velocity.png"
+PICTURE = DOCS / "velocity.png"
 
 # 4 GHz in a millisecond, 32 times: long and wide, so that all ways can be shown on one scale.
 UP = rc.Waveform.from_sweep(
@@ -171,23 +172,24 @@ def _draw(axes: Axes, results: list[Result], ratios: Array, which: int, quantity
 def main() -> None:
     """Measure, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/velocity.png")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/velocity.md and the picture")
     parser.add_argument("--tiny", action="store_true", help="run everything once on few trials")
     arguments = parser.parse_args()
     ratios = np.array([0.0, 20.0]) if arguments.tiny else np.arange(-10.0, 40.1, 2.5)
     num_trials = 4 if arguments.tiny else 300
     results = [measure(way, ratios, num_trials, seed) for seed, way in enumerate(WAYS)]
-    print(f"bound, measured (rms of {num_trials} trials) and predicted (median) deviations")
-    for which, title in enumerate(("range [mm]", "velocity [mm/s]")):
-        print(f"\n{title}")
-        print(*table(results, ratios, which), sep="\n")
-    print(f"\nlargest measured deviation over its bound, from {FROM_DB:g} dB up")
-    above = ratios >= FROM_DB
-    for result in results:
-        worst = [float((result.measured[i] / result.bound[i])[above].max()) for i in (0, 1)]
-        print(f"{result.way.name:<12}  range {worst[0]:.2f}, velocity {worst[1]:.2f}")
-        if not arguments.tiny and max(worst) > PROMISED:
-            raise SystemExit(f"{result.way.name}: expected at most {PROMISED} times the bound")
+    with printed_into(DOCS / "velocity.md", "velocity", write=arguments.write):
+        print(f"bound, measured (rms of {num_trials} trials) and predicted (median) deviations")
+        for which, title in enumerate(("range [mm]", "velocity [mm/s]")):
+            print(f"\n{title}")
+            print(*table(results, ratios, which), sep="\n")
+        print(f"\nlargest measured deviation over its bound, from {FROM_DB:g} dB up")
+        above = ratios >= FROM_DB
+        for result in results:
+            worst = [float((result.measured[i] / result.bound[i])[above].max()) for i in (0, 1)]
+            print(f"{result.way.name:<12}  range {worst[0]:.2f}, velocity {worst[1]:.2f}")
+            if not arguments.tiny and max(worst) > PROMISED:
+                raise SystemExit(f"{result.way.name}: expected at most {PROMISED} times the bound")
     if arguments.write:
         draw(results, ratios, PICTURE)
         print(f"\n{PICTURE.name}")

@@ -5,12 +5,13 @@ when `rc.separation` says that a person is nearer than the protective separation
 long it takes to stop, and where people come from.
 
     python examples/stop_for_people.py                    20 approaches
-    python examples/stop_for_people.py --num-approaches 100 --num-minutes 5
+    python examples/stop_for_people.py --num-approaches 100 --num-minutes 3
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -124,7 +125,8 @@ def main(num_approaches: int, num_minutes: float) -> None:
         else:
             distance = np.nan  # the arm never stopped
         counts[in_view].append(distance)
-        print(f"{seed}: {person.speed:.2f} m/s, {'in view' if in_view else 'outside'}, {distance:.2f} m at standstill")
+        side = "in view" if in_view else "outside"
+        print(f"{seed}: {person.speed:.2f} m/s, {side}, {distance:.2f} m at standstill", file=sys.stderr)
     required = 0.1 + 0.01  # C and Zr: people and robot stand still
     for in_view, name in ((True, "within the field of view"), (False, "outside of it")):
         far = sum(distance >= required for distance in counts[in_view])

@@ -1,6 +1,7 @@
 """The demo command, run as a user does, without and with the real robot meshes."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import radarcore as rc
 from arms import needs_robots
 from radarcore.cli import demo
 from radarcore.cli.main import main
+
+KINDS = ("median_bins", "percentile_95_bins", "largest_bins")
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
@@ -24,7 +27,15 @@ def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     cylinder, person = run(capsys, "-o", tmp_path, "--no-robots")["targets"]
-    assert (cylinder["name"], person["name"]) == ("cylinder", "person")
+    page = (Path(__file__).parents[2] / "docs" / "demo.md").read_text(encoding="utf-8")
+    for name, target in (("cylinder", cylinder), ("person", person)):
+        (row,) = re.findall(rf"^{name} +(.*)", page, flags=re.MULTILINE)
+        counts = [
+            target[f"num_{kind}"] for kind in ("frames", "tracked", "predicted", "range_within", "velocity_within")
+        ]
+        errors = [target[f"{of}_error"][kind] for of in ("range", "velocity") for kind in KINDS]
+        expected = [*map(str, counts[:3]), *(f"{error:.3f}" for error in errors), *map(str, counts[3:])]
+        assert row.split() == expected, "docs/demo.md"
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 200
     assert (person["num_frames"], person["num_tracked"], person["num_predicted"], person["num_tracks"]) == (
         200,
