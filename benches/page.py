@@ -84,8 +84,8 @@ def numbers() -> dict[str, str]:
 def cell_of(text: str, cell: str) -> str:
     """The number in a cell: the beginning of the line above its table, the first cells of its row, its column."""
     line, *start, column = cell.split(" | ")
-    rows = tables_of(text.partition(f"\n{line}")[2])[0]
-    (found,) = (row[column] for row in rows if list(row.values())[: len(start)] == start)
+    below = text.partition(f"\n{line}")[2].partition("\n|")[2].partition("\n\n")[0]
+    (found,) = (row[column] for row in tables_of(f"|{below}")[0] if list(row.values())[: len(start)] == start)
     return found.partition(" ")[0]
 
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from page import DOCS, ROOT, numbers, with_numbers
+from page import ACCURACY, DOCS, ROOT, numbers, section_of, tables_of, with_numbers
 from summaries import CELLS, PLACES
 
 WRITTEN = re.compile(r"^```.*?^```$|<!-- (benches/\w+\.py) -->.*?<!-- end of \1 -->", flags=re.DOTALL | re.MULTILINE)
@@ -54,6 +54,14 @@ def test_pages_have_the_numbers_of_the_tables(name: str) -> None:
     """`python benches/page.py --write` would change nothing."""
     text = (ROOT / name).read_text(encoding="utf-8")
     assert with_numbers(text, PLACES[name], numbers()) == text
+
+
+def test_bounds_on_the_page_of_accuracy_are_the_default_ones_of_its_tables() -> None:
+    page = tables_of(section_of(DOCS / "accuracy.md", "accuracy"))[0]
+    every = tables_of(ACCURACY.read_text(encoding="utf-8").partition("\n## Bounds\n")[2])[0]
+    default = [row for row in every if row["what"].startswith("adaptive, default, ")]
+    named = [{**row, "what": f"adaptive, default, {row['what']}", "held": "yes"} for row in page]
+    assert named == [row for row in default if row in named]
 
 
 def test_numbers_replace_older_ones_and_keep_the_text() -> None:
