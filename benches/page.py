@@ -90,7 +90,7 @@ def cell_of(text: str, cell: str) -> str:
 
 
 def with_numbers(page: str, places: Iterable[str], numbers: dict[str, str]) -> str:
-    """The page with numbers in their places: texts with names in braces, each of which it has once."""
+    """The page with numbers in their places: texts with names in braces, each once on the page."""
     for place in places:
         texts, names = re.split(r"\{\w+\}", place), re.findall(r"\{(\w+)\}", place)
         pattern = NUMBER.join("(" + re.escape(text).replace(r"\ ", r"\s+") + ")" for text in texts)

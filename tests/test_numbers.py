@@ -65,10 +65,10 @@ def test_bounds_on_the_page_of_accuracy_are_the_default_ones_of_its_tables() -> 
 
 
 def test_numbers_replace_older_ones_and_keep_the_text() -> None:
-    page, place = "It takes 1.5 ms,\nor 2.1e+03. Here 7 ms.\n", "takes {one} ms, or {other}."
-    assert with_numbers(page, [place], {"one": "12", "other": "0.3"}) == "It takes 12 ms,\nor 0.3. Here 7 ms.\n"
+    page, place = "It takes 1.5 ms,\nthen 2.1e+03. Here 7 ms.\n", "takes {one} ms, then {other}."
+    assert with_numbers(page, [place], {"one": "12", "other": "0.3"}) == "It takes 12 ms,\nthen 0.3. Here 7 ms.\n"
     for text in (page + page, "It takes as long."):
-        with pytest.raises(ValueError, match=r"expected 'takes \{one\} ms, or \{other\}\.' once, got [02] times"):
+        with pytest.raises(ValueError, match=r"expected 'takes \{one\} ms, then \{other\}\.' once, got [02] times"):
             with_numbers(text, [place], {"one": "12", "other": "0.3"})
 
 
