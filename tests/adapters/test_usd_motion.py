@@ -204,6 +204,21 @@ def test_a_skinned_arm_moves_as_rigid_links() -> None:
             np.testing.assert_allclose(velocities[rows], expected, atol=2e-6)
 
 
+def test_skins_of_point_instances_move_too() -> None:
+    stage = new_stage()
+    add_arm(stage, [[0.0, 0.0], [90.0, -45.0]], [0.0, 10.0])
+    instancer = UsdGeom.PointInstancer.Define(stage, "/Crowd")
+    instancer.CreatePrototypesRel().SetTargets(["/Person"])
+    instancer.CreateProtoIndicesAttr([0, 0])
+    instancer.CreatePositionsAttr([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0)])
+    arm, *crowd = StageScene(stage).bodies
+    assert [body.name for body in crowd] == ["/Crowd/0/Person/arm", "/Crowd/1/Person/arm"]
+    expected = arm.motion.at(0.6).apply(arm.deformation.at(0.6))
+    assert np.abs(expected - arm.motion.at(0.0).apply(arm.mesh.vertices)).max() > 0.5
+    for body, shift in zip(crowd, ([0.0, 3.0, 0.0], [0.0, 0.0, 4.0]), strict=True):
+        np.testing.assert_allclose(body.motion.at(0.6).apply(body.deformation.at(0.6)), expected + shift, atol=1e-9)
+
+
 def test_truth_of_a_skinned_arm_is_that_of_rigid_links() -> None:
     stage = new_stage()
     add_arm(stage, [[0.0, 0.0], [20.0, -30.0]], [0.0, 10.0]).AddTranslateOp().Set((2.0, -1.0, 0.0))

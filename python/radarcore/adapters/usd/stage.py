@@ -268,7 +268,7 @@ class StageScene:
                     pending += [(*each, is_seen) for each in self._instances(prim, place, path)][::-1]
                     continue
                 if prim.IsA(self._pxr.UsdSkel.Root):
-                    self._find_skins(prim)
+                    self._find_skins(prim, path)
                 elif is_seen and prim.IsA(usd.Gprim) and image.ComputePurpose() in self._purposes:
                     unit = round(float(np.linalg.norm(place.matrix[:3, :3], 2)), 12)
                     read = partial(surface_of, prim, self._code, unit, self._sagitta)
@@ -340,18 +340,19 @@ class StageScene:
 
     # Skins
 
-    def _find_skins(self, prim: Any) -> None:
-        """Note which meshes below a root of UsdSkel have joints."""
-        cache, root = self._pxr.UsdSkel.Cache(), self._pxr.UsdSkel.Root(prim)
+    def _find_skins(self, prim: Any, root_path: str) -> None:
+        """Note which meshes below a root of UsdSkel, or an instance of it, have joints."""
+        cache, root, start = self._pxr.UsdSkel.Cache(), self._pxr.UsdSkel.Root(prim), len(str(prim.GetPath()))
         cache.Populate(root, self._every)
         for binding in cache.ComputeSkelBindings(root, self._every):
             skeleton = binding.GetSkeleton()
             for target in binding.GetSkinningTargets():
-                path = str(target.GetPrim().GetPath())
+                path = root_path + str(target.GetPrim().GetPath())[start:]
                 if target.HasBlendShapes() or target.GetSkinningMethod() == "dualQuaternion":
                     notice.warn(f"{path}: blend shapes and dual quaternions have no effect")
                 if target.HasJointInfluences():
-                    self._skinned[path] = str(skeleton.GetPath()), cache.GetSkelQuery(skeleton), target
+                    skeleton_path = root_path + str(skeleton.GetPath())[start:]
+                    self._skinned[path] = skeleton_path, cache.GetSkelQuery(skeleton), target
 
     def _skinned_bodies(self, prim: Any, path: str, surface: Surface) -> Iterator[Body]:
         """Bodies of a mesh with joints, in the frame of its skeleton."""
@@ -375,8 +376,7 @@ class StageScene:
 
     def _joints(self, query: Any, place: Place) -> list[Place]:
         """Frames of the joints in the frame of their skeleton."""
-        animation = query.GetAnimQuery()
-        codes = animation.GetJointTransformTimeSamples() if animation else []
+        codes = animation.GetJointTransformTimeSamples() if (animation := query.GetAnimQuery()) else []
         *samples, now = [query.ComputeJointLocalTransforms(code) for code in [*codes, self._code]]
         root, places = Place(None, homogeneous(place.stretch)), list[Place]()
         for k, parent in enumerate(query.GetTopology().GetParentIndices()):
