@@ -42,14 +42,17 @@ class Scene:
     """Half wavelengths to the left and up of every receiver."""
 
     def numbers(self, order: str, *, real: bool = False, q_first: bool = False) -> np.ndarray[Any, Any]:
-        """The 16-bit numbers of all frames, in the order of ``lanes2`` or ``lanes4`` (SWRA581)."""
+        """The 16-bit numbers of all frames, in the order of ``lanes2`` or ``lanes4`` (SWRA581), or of ``rdif``."""
         words: list[float] = []
         for frame in range(self.num_frames):
             for loop in range(self.num_loops):
                 for turn, mask in enumerate(self.masks):
                     time = frame * PERIOD * 1e-3 + (loop * len(self.masks) + turn) * (IDLE + RAMP_END) * 1e-6
                     chirp = self.chirp(time, mask)
-                    words += _lanes2(chirp, real, q_first) if order == "lanes2" else _lanes4(chirp, real, q_first)
+                    if order == "rdif":
+                        words += _rdif(chirp)
+                    else:
+                        words += _lanes2(chirp, real, q_first) if order == "lanes2" else _lanes4(chirp, real, q_first)
         return np.array(words, "<i2")
 
     def chirp(self, time: float, mask: int) -> np.ndarray[Any, Any]:
@@ -67,7 +70,7 @@ class Scene:
         way = np.linalg.norm(target - half * senders[mask], axis=-1)
         tau = (way + np.linalg.norm(target - half * receivers[:, None], axis=-1)) / C
         phase = START * 1e9 * tau + SLOPE * 1e12 * (tau * t - 0.5 * tau * tau)
-        feeds = np.array(self.feeds.get(mask, [1.0] * 4))[:, None]
+        feeds = np.array(self.feeds.get(mask, [1.0] * len(self.rx)))[:, None]
         exact: np.ndarray[Any, Any] = 1000.0 * feeds * np.exp(2j * np.pi * (phase % 1.0))
         return np.rint(exact.real) + 1j * np.rint(exact.imag)
 
@@ -91,6 +94,22 @@ def _lanes4(chirp: np.ndarray[Any, Any], real: bool, q_first: bool) -> list[floa
     for values in chirp.T:
         i, q = values.real.tolist(), values.imag.tolist()
         words += i if real else q + i if q_first else i + q
+    return words
+
+
+def _rdif(chirp: np.ndarray[Any, Any]) -> list[float]:
+    """Real samples of all receivers in turn: bits of four, from the lowest on, go to four lanes in turn.
+
+    TI's ``ar_convertAdcData_xWRLx432.m`` reads bits 10 to 12 of all lanes first, then 7 to 9, 4 to 6 and 1 to 3.
+    """
+    words: list[float] = []
+    for samples in chirp.T.real.astype(int).reshape(-1, 4).tolist():
+        bits = [(sample & 0xFFF) >> place & 1 for sample in samples for place in range(12)]
+        lanes = [0] * 4
+        for turn, place in enumerate((9, 10, 11, 6, 7, 8, 3, 4, 5, 0, 1, 2)):
+            for lane in range(4):
+                lanes[lane] |= bits[4 * turn + lane] << place
+        words += lanes
     return words
 
 

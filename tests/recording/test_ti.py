@@ -251,11 +251,12 @@ def test_packets_come_to_the_places_of_their_counters(tmp_path: Path) -> None:
 
 
 # TI's tables: half wavelengths to the left and up of the transmitters by their masks, of the receivers, and their
-# feeds. 2944: 0.8 wavelengths. 6844: 2.54 mm.
-MM = 2.54e-3 / half_wavelength()
+# feeds. 2944: 0.8 wavelengths. 6844: 2.54 mm. 6432: 2.418 mm.
+MM, LOW = 2.54e-3 / half_wavelength(), 2.418e-3 / half_wavelength()
 BOARDS: dict[str, dict[str, Any]] = {
     "xWR14xx": {},
     "xWR68xx": {},
+    "xWR18xx_AOP": {"places": {1: (0, 2), 2: (0, 1), 4: (0, 0)}, "rx": ((3, 0), (2, 0), (1, 0), (0, 0))},
     "xWR68xx_AOP": {
         "places": {1: (0, 0), 2: (2, -2), 4: (0, -2)},
         "rx": ((1, -1), (1, 0), (0, -1), (0, 0)),
@@ -271,6 +272,11 @@ BOARDS: dict[str, dict[str, Any]] = {
         "places": {1: (2 * MM, 2 * MM), 2: (0, 2 * MM), 4: (0, 0), 8: (2 * MM, 0)},
         "rx": ((0, MM), (0, 0), (MM, 0), (MM, MM)),
         "feeds": {1: [-1] * 4, 2: [1] * 4, 4: [-1] * 4, 8: [1] * 4},
+    },
+    "xWRL6432": {
+        "places": {1: (0, 0), 2: (LOW, 0)},
+        "rx": ((0, 0), (LOW, LOW), (2 * LOW, 0)),
+        "feeds": {1: [1, -1, 1], 2: [-1, 1, -1]},
     },
 }
 
@@ -302,14 +308,26 @@ def l_commands(scene: Scene, **changes: str) -> str:
     return "\n".join(lines.values()) + "\n"
 
 
-@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing")  # 2944 and 6844 at 77 GHz
+LOW_POWER = {  # TI's demo for the BOOST board; sampling at 100 MHz over a divisor
+    "channelCfg": "channelCfg 7 3 0",
+    "chirpComnCfg": f"chirpComnCfg {100 / 6!r} 0 0 64 1 40 0",
+    "board": "antGeometryCfg 0 0 1 1 0 2 0 1 1 2 0 3 2.418 2.418",
+    "compensation": "compRangeBiasAndRxChanPhase 0.0 1 0 -1 0 1 0 -1 0 1 0 -1 0",
+    "adcLogging": "adcLogging 1 0 2 0 0",
+}
+
+
+@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing")  # 2944, 6844 and 6432 at 77 GHz
 @pytest.mark.parametrize("platform", BOARDS)
 def test_boards_find_a_target_at_its_angles_without_a_calibration(tmp_path: Path, platform: str) -> None:
     scene = board_scene(platform)
     is_real, is_of_rows = platform in ("xWR29xx", "xWRL6844EVM"), platform == "xWR14xx"
-    words = scene.numbers("lanes4" if is_of_rows else "lanes2", real=is_real, q_first=not is_real)
+    order = "rdif" if platform == "xWRL6432" else "lanes4" if is_of_rows else "lanes2"
+    words = scene.numbers(order, real=is_real, q_first=not is_real)
     output = {"output": 0, "swap": 0} if is_real else {"apart": int(not is_of_rows)}
-    text = l_commands(scene) if "L6844" in platform else commands(scene, platform=platform, compensation="", **output)
+    text = commands(scene, platform=platform, compensation="", **output)
+    if "WRL" in platform:
+        text = l_commands(scene, **(LOW_POWER if platform == "xWRL6432" else {}))
     if platform == "xWR29xx":
         text = text.replace("8 0 50.0 1 0", "8 0 64 50.0 1 0")
     data, config = write(tmp_path, words, text)
@@ -317,6 +335,11 @@ def test_boards_find_a_target_at_its_angles_without_a_calibration(tmp_path: Path
     assert_angles(recording, scene)
     if "feeds" in BOARDS[platform]:
         assert recording.radar.channel_weights is not None
+    if order == "rdif":
+        samples = recording.cube.reshape(2, 3, 8, 64)
+        for turn, loop in ((0, 0), (1, 5)):
+            time = (2 * loop + turn) * 47e-6
+            np.testing.assert_array_equal(samples[turn, :, loop], scene.chirp(time, 1 << turn).real)
 
 
 @pytest.mark.parametrize(
@@ -359,6 +382,42 @@ def test_geometry_of_the_file_is_that_of_its_board(tmp_path: Path, platform: str
         np.testing.assert_array_equal(by_file.channel_weights, by_name.channel_weights)
 
 
+def test_masks_of_the_in_cabin_demo_have_a_bit_per_antenna(tmp_path: Path) -> None:
+    """TI's demo for the same board: geometry by channels, and feeds among the compensations."""
+    lines = (
+        "antGeometry0 -2 -2 -3 -3 0 0 -1 -1 0 0 -1 -1 -2 -2 -3 -3\n"
+        "antGeometry1 0 -1 -1 0 0 -1 -1 0 -2 -3 -3 -2 -2 -3 -3 -2\nantPhaseRot" + 16 * " 1" + "\n"
+        "compRangeBiasAndRxChanPhase 0" + 2 * (4 * " 1 0" + 4 * " -1 0")
+    )
+    scene = board_scene("xWRL6844EVM")
+    (tmp_path / "board.cfg").write_text(l_commands(scene))
+    (tmp_path / "cabin.cfg").write_text(l_commands(scene, channelCfg="channelCfg 15 15 0", board=lines))
+    board, cabin = (rc.load_radar(tmp_path / f"{name}.cfg") for name in ("board", "cabin"))
+    steps = np.diff(board.virtual_array, axis=0) / 2.54e-3
+    np.testing.assert_allclose(np.diff(cabin.virtual_array, axis=0) / half_wavelength(), steps, atol=1e-6)
+    assert board.channel_weights is not None
+    assert cabin.channel_weights is not None
+    np.testing.assert_array_equal(cabin.channel_weights, -board.channel_weights)
+
+
+@pytest.mark.parametrize(
+    ("line", "position", "forward"),
+    [
+        # 2 m above the floor, turned 30 degrees to the right, 15 down.
+        ("sensorPosition 2 30 15", [0, 0, 2], [np.sqrt(0.75), -0.5, -np.tan(np.deg2rad(15))]),
+        ("sensorPosition 0.5 1 2 0 -15", [1, -0.5, 2], [1, 0, np.tan(np.deg2rad(15))]),
+    ],
+)
+def test_place_of_the_sensor_is_a_pose(tmp_path: Path, line: str, position: list[float], forward: list[float]) -> None:
+    data, config = write(tmp_path, WORDS, commands(SCENE, place=line))
+    recording = rc.Recording.load(data, config=config)
+    recording.save(tmp_path / "saved")
+    pose = rc.Pose.from_rpy(**rc.Recording.load(tmp_path / "saved").source["capture"]["mount"])
+    np.testing.assert_allclose(pose.position, position)
+    np.testing.assert_allclose(pose.rotation[:, 0], np.array(forward) / np.linalg.norm(forward), atol=1e-12)
+    assert pose.rotation[2, 1] == pytest.approx(0.0)  # no roll
+
+
 def test_measured_compensations_have_the_feeds_in_them(tmp_path: Path) -> None:
     """As TI's visualizer writes them for the AOP."""
     line = "compRangeBiasAndRxChanPhase 0.0" + 6 * " 1 0 -1 0"
@@ -398,7 +457,7 @@ def test_low_power_chips_have_the_settings_of_their_commands(tmp_path: Path) -> 
     np.testing.assert_allclose(steps, [[0, 0], [1, 1], [2, 0], [1, 0], [2, 1], [3, 0]], atol=1e-9)
     assert radar.channel_weights is not None
     np.testing.assert_array_equal(radar.channel_weights, [1, -1, 1, -1, 1, -1])
-    # The order of its samples in captures is not public: `shape` gives it.
+    # Samples over SPI: `shape` has their order, by the script of TI's tools that calls ``ar_convertAdcData_xWRLx432``.
     np.arange(2 * 6 * 64 * 128, dtype="<i2").tofile(tmp_path / "adc.bin")
     shape = "frame,chirp,tx,rx,sample"
     cube = rc.Recording.load(tmp_path / "adc.bin", config=path, dtype="int16", shape=shape).cube
@@ -409,8 +468,11 @@ def test_low_power_chips_have_the_settings_of_their_commands(tmp_path: Path) -> 
         ("frameCfg 2 0", "frameCfg 4 0", "bursts of one chirp per transmitter, or without pauses"),
         ("frameCfg 2 0 600 64", "frameCfg 3 0 600 1", "equal numbers of chirps per transmitter"),
         ("Comn", "comn", "expected the command chirpComnCfg, got none"),
+        ("channelCfg", "adcLogging 1 1 2 0\nchannelCfg", "known bits .adcLogging 1 0 2 0, or 0., got 1 1 2 0"),
+        ("channelCfg", "adcLogging 1\nchannelCfg", "known bits .adcLogging 1 0 2 0, or 0., got 1"),
+        ("15 5 0 128", "15 5 0 126", "expected a multiple of four samples, got 126"),
     ):
-        path.write_text(lines.replace(old, new))
+        path.write_text(lines.replace(old, new) + "adcLogging 1 0 2 0 0\n" * ("Logging" not in new))
         with pytest.raises(ValueError, match=message):
             rc.load_radar(path)
 

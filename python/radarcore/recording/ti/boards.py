@@ -1,13 +1,18 @@
 """Antennas of TI's evaluation boards: places to the left and up as seen from the radar, and inverted feeds.
 
-- xWR1642BOOST; xWR1843BOOST and IWR6843ISK; IWR6843AOP; IWR6843ISK-ODS: ``antenna_geometry.c`` of TI's mmWave SDK and
-  Radar Toolbox (``gAntDef_default``, ``gAntDef_IWR6843AOP``, ``gAntDef_IWR6843ODS``; there, down is positive).
+- xWR1642BOOST; xWR1843BOOST and IWR6843ISK; AWR1843AOP; IWR6843AOP; IWR6843ISK-ODS: ``antenna_geometry.c`` of TI's
+  mmWave SDK and Radar Toolbox (``gAntDef_default``, ``gAntDef_AWR1843AOP``, ``gAntDef_IWR6843AOP``,
+  ``gAntDef_IWR6843ODS``; there, down is positive). ``rsp.AWR1843AOP`` of the package ``xwr`` is this array, turned by a
+  quarter.
+- xWR1443BOOST: as xWR1843BOOST, by the angles in ``MmwDemo_XYZestimation`` of the SDK's demo for xWR14xx.
 - Feeds of AOP and ODS: ``antPhaseRot`` of ``AOP_6m_default.cfg`` and ``ODS_6m_default.cfg``, TI 3D people counting;
-  the factors that TI's visualizer writes for ``xWR68xx_AOP`` are the same up to a common sign.
+  the factors that TI's visualizer writes for ``xWR68xx_AOP`` are the same up to a common sign, and those for
+  ``xWR18xx_AOP`` are all 1.
 - AWR2944EVM: ``antGeometryCfg`` of TI's MCU+ SDK, 0.5 and 0.8 wavelengths; TX2 is the higher one (package ``xwr``,
   ``rsp.AWR2944EVM``).
 - AWRL6844EVM: ``mmw_cli.c`` of TI's mmWave L-SDK, ``antGeometryBoard xWRL6844EVM``; rows count upwards, as in its
-  ``aoa2dproc.c``. Samples of captures: receiver after receiver, as in ``xwr``.
+  ``aoa2dproc.c``. ``antGeometry0`` and ``antGeometry1`` of TI's in-cabin demo are the same. Samples of captures:
+  receiver after receiver, as in ``xwr``.
 """
 
 from __future__ import annotations
@@ -51,6 +56,7 @@ class Board(NamedTuple):
 _MIDDLE_IS_HIGHER: _Places = ((0, 0), (2, 1), (4, 0))
 
 _BOARDS: dict[tuple[str, ...], Board] = {
+    ("WR18", "AOP"): Board("AWR1843AOP", ((0, 0), (0, -1), (0, -2)), ((3, 0), (2, 0), (1, 0), (0, 0))),
     ("WR68", "AOP"): Board(
         "IWR6843AOP", ((0, 0), (2, -2), (0, -2)), ((1, -1), (1, 0), (0, -1), (0, 0)), rx_signs=(-1, 1, -1, 1)
     ),

@@ -6,6 +6,10 @@ TI, SWRA581 "Mmwave Radar Device ADC Raw Data Capture" has their order. Within a
 - four lanes (xWR12xx, 14xx), sample after sample: ``I(r0) I(r1) I(r2) I(r3) Q(r0) Q(r1) Q(r2) Q(r3)``; real ones
   ``r0 r1 r2 r3``.
 
+Low-power chips (xWRL6432) send real samples of 12 bits over another data interface (RDIF), also sample after sample:
+``ar_convertAdcData_xWRLx432.m`` of TI's tools, for its "Pin0-bit0-Cycle3" mode, without sideband and scrambler. Four
+numbers, one of each lane, have four samples: bit ``4 m + lane`` of the sample k is bit ``9 - 3 k + m`` of its number.
+
 I and Q are swapped where the chip's configuration swaps them. Chirps follow each other in the order of their
 transmitters' turns.
 
@@ -77,6 +81,8 @@ class Capture:
         What a recording's ``source["capture"]`` says besides.
     range_bias : float
         Subtracted from all ranges [m]; of I/Q samples alone.
+    is_rdif : bool
+        Bits of four samples in four numbers.
     """
 
     num_lanes: int
@@ -87,6 +93,7 @@ class Capture:
     files: tuple[Path, ...] = ()
     facts: dict[str, Any] = field(default_factory=dict)
     range_bias: float = 0.0
+    is_rdif: bool = False
 
 
 def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
@@ -141,6 +148,7 @@ def parts_of(path: Path) -> tuple[Path, ...]:
 def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray[Any]:
     """Samples (frame, channel, chirp, sample), complex64 or float32, of numbers (frame, word) as they came."""
     num_rx, num_samples, num_turns = len(radar.rx), radar.waveform.num_samples, len(capture.turns)
+    words = _of_lanes(words) if capture.is_rdif else words
     chirps = words.reshape(len(words), -1, num_turns, num_rx * num_samples * (1 if capture.is_real else 2))
     values = (chirps << 16 - capture.bits) >> 16 - capture.bits  # the highest bit becomes the sign
 
@@ -163,6 +171,14 @@ def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray
     result: NDArray[Any] = ordered.reshape(len(words), *frame_shape(radar))
     result = result.astype(np.float32 if capture.is_real else np.complex64, copy=False)
     return result * _shifts(radar, capture.range_bias) if capture.range_bias else result
+
+
+def _of_lanes(words: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Samples of 12 bits (frame, sample) of numbers (frame, word) from four lanes."""
+    bits: NDArray[Any] = words.reshape(len(words), -1, 1, 4) >> np.arange(12, dtype=_WORD)[:, None] & 1
+    digits: NDArray[Any] = (bits @ (1 << np.arange(4, dtype=_WORD))).reshape(len(words), -1, 4, 3)[:, :, ::-1]
+    found: NDArray[np.int16] = (digits @ (1 << 4 * np.arange(3, dtype=_WORD))).reshape(words.shape)
+    return found
 
 
 def _shifts(radar: Radar, range_bias: float) -> NDArray[np.complex64]:

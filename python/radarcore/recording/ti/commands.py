@@ -2,11 +2,13 @@
 
 TI, "mmWave SDK User Guide", configuration (.cfg) file format; antGeometry0, antGeometry1 and antPhaseRot: TI, "3D
 People Counting", configuration parameters; frameCfg with 8 numbers and antGeometryCfg: TI, MCU+ SDK for xWR29xx. Of the
-mmWave L-SDK (xWRL6432, xWRL6844): ``mmw_cli.c`` of its demos. Only what decides on samples is read.
+mmWave L-SDK (xWRL6432, xWRL6844): ``mmw_cli.c`` of its demos. Only commands that decide on samples are read, and
+``sensorPosition``: ``eulerRot`` of TI's Applications Visualizer has the signs of its angles.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -34,6 +36,7 @@ _LENGTHS = {
     "antGeometry1": (4, 8, 12),
     "antPhaseRot": (4, 8, 12),
     "antGeometryCfg": (34,),
+    "sensorPosition": (3, 5),
 }
 """Numbers of the commands that count."""
 
@@ -46,7 +49,12 @@ _L_LENGTHS = {
     "antGeometryTX": (8,),
     "antGeometryRX": (8,),
     "antGeometryDist": (2,),
+    "antGeometry0": (16,),
+    "antGeometry1": (16,),
+    "antPhaseRot": (16,),
     "compRangeBiasAndRxChanPhase": (13, 33),
+    "adcLogging": (1, 2, 3, 4, 5),
+    "sensorPosition": (3, 5),
 }
 """Commands of the L-SDK, likewise."""
 
@@ -54,6 +62,9 @@ _OF_L_SDK = re.compile(r"^\s*chirp(Comn|Timing)Cfg\b", re.MULTILINE)
 """Commands of the SDK for chips such as xWRL6432, whose other commands have different arguments."""
 
 _L_BOARD = re.compile(r"^\s*antGeometryBoard\s+(\S+)", re.MULTILINE)
+
+_LOGGING = (0.0, 2.0, 0.0)
+"""Sideband, swizzling and scrambler of captures that are read, by ``adcLogging`` of an xWRL6432."""
 
 _Commands = dict[str, list[list[float]]]
 
@@ -89,6 +100,7 @@ def settings(text: str, where: str) -> Settings:
         device=match[1] if (match := _PLATFORM.search(text)) else "",
         **_compensation(commands, where),
         board=_geometry(commands, where),
+        mount=_mount(commands, where),
     )
 
 
@@ -99,8 +111,9 @@ def _l_settings(text: str, where: str) -> Settings:
     device = match[1] if match else ""
     rx_mask, tx_mask, _ = (int(value) for value in _only(commands, "channelCfg", where))
     places = commands.get("antGeometryCfg", [[]])[0]
-    is_6844 = "L684" in device or "antGeometryTX" in commands or rx_mask > 7 or len(places) > 14
-    if is_6844:  # two bits per antenna
+    is_in_cabin = "antGeometry0" in commands
+    is_6844 = "L684" in device or "antGeometryTX" in commands or is_in_cabin or rx_mask > 7 or len(places) > 14
+    if is_6844 and not is_in_cabin:  # two bits per antenna
         rx_mask, tx_mask = (sum(bool(mask >> 2 * k & 3) << k for k in range(4)) for mask in (rx_mask, tx_mask))
     divider, _, _, num_samples, pattern, ramp_end, _ = _only(commands, "chirpComnCfg", where)
     idle, skipped, _, slope, start = _only(commands, "chirpTimingCfg", where)
@@ -119,6 +132,11 @@ def _l_settings(text: str, where: str) -> Settings:
     has_pauses = num_bursts > 1.0 and abs(burst_interval - num_chirps * (idle + ramp_end)) > 1e-6
     if has_pauses and num_chirps != len(tx_masks):
         raise ValueError(f"{where}: expected bursts of one chirp per transmitter, or without pauses between them")
+    is_logged, *logging = commands.get("adcLogging", [[0.0]])[-1]
+    is_rdif = is_logged == 1.0 and not is_6844
+    if is_rdif and tuple(logging[:3]) != _LOGGING:
+        got = " ".join(f"{value:g}" for value in (is_logged, *logging))
+        raise ValueError(f"{where}: expected samples alone in known bits (adcLogging 1 0 2 0, or 0), got {got}")
     return Settings(
         profile=Profile(start, slope, idle, 1e3 * skipped / rate, ramp_end, num_samples, rate),
         tx_masks=tx_masks,
@@ -126,15 +144,26 @@ def _l_settings(text: str, where: str) -> Settings:
         frame_interval=1e-3 * frame_interval,
         rx_mask=rx_mask,
         output=0,
-        bits=2,
-        num_lanes=2 if is_6844 else 0,
+        bits=0 if is_rdif else 2,
+        num_lanes=2 if is_6844 else 4 if is_rdif else 0,
         has_q_first=False,
-        is_interleaved=False,
+        is_interleaved=is_rdif,
+        is_rdif=is_rdif,
         device=device or ("xWRL6844" if is_6844 else "xWRL6432"),
         **_compensation(commands, where, 4 if is_6844 else 3),
-        board=_l_geometry(commands, places, where),
+        board=_l_geometry(commands, places, where) or _geometry(commands, where),
         round_interval=1e-6 * burst_interval if has_pauses else None,
+        mount=_mount(commands, where),
     )
+
+
+def _mount(commands: _Commands, where: str) -> dict[str, list[float]] | None:
+    """Pose of the radar over the floor: TI has x to the right, azimuths to the right, elevations down, in degrees."""
+    if "sensorPosition" not in commands:
+        return None
+    *place, azimuth, elevation = _only(commands, "sensorPosition", where)
+    right, forward, up = place if len(place) == 3 else (0.0, 0.0, *place)
+    return {"position": [forward, -right, up], "rpy": [0.0, math.radians(elevation), -math.radians(azimuth)]}
 
 
 def _geometry(commands: _Commands, where: str) -> Board | None:

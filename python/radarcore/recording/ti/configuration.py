@@ -75,6 +75,8 @@ class Settings:
     has_q_first : bool
     is_interleaved : bool
         Receivers sample by sample, not one after the other.
+    is_rdif : bool
+        Samples from the data interface of low-power chips, see `capture`.
     device : str
         Name of the chip or of its family: ``"xWR18xx"``, ``"awr1843"``; nothing if the files do not say.
     range_bias : float
@@ -86,6 +88,8 @@ class Settings:
         Antennas that the files have, with signs besides `coefficients`; else those of `device`.
     round_interval : float, optional
         Time between rounds of all transmitters [s], if they do not follow each other directly.
+    mount : dict, optional
+        Arguments of `Pose.from_rpy` for the pose of the radar over the floor.
     """
 
     profile: Profile
@@ -98,11 +102,13 @@ class Settings:
     num_lanes: int
     has_q_first: bool
     is_interleaved: bool
+    is_rdif: bool = False
     device: str = ""
     range_bias: float = 0.0
     coefficients: NDArray[np.complex128] | None = None
     board: Board | None = None
     round_interval: float | None = None
+    mount: dict[str, list[float]] | None = None
 
 
 def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture | None]:
@@ -155,6 +161,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture | 
         "transmitters": [number + 1 for number in used],
         "receivers": [number + 1 for number in receivers],
         "antennas": antennas,
+        **({} if settings.mount is None else {"mount": settings.mount}),
     }
     range_bias = 0.0 if is_real else settings.range_bias
     if range_bias:
@@ -164,6 +171,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture | 
     capture = Capture(
         num_lanes=settings.num_lanes,
         is_real=is_real,
+        is_rdif=settings.is_rdif,
         has_q_first=settings.has_q_first and not is_real,
         bits=_BITS[settings.bits],
         turns=turns,
@@ -205,8 +213,10 @@ def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
     if settings.is_interleaved != (settings.num_lanes == 4):
         expected = "interleaved receivers" if settings.num_lanes == 4 else "receivers one after the other"
         raise ValueError(f"{where}: expected {expected} on {settings.num_lanes} LVDS lanes, got the other order")
-    if settings.num_lanes == 4 and num_rx != NUM_RX:
+    if settings.num_lanes == 4 and num_rx != NUM_RX and not settings.is_rdif:
         raise ValueError(f"{where}: expected all four receivers on four LVDS lanes, got the mask {settings.rx_mask:#x}")
+    if settings.is_rdif and settings.profile.num_samples % 4:
+        raise ValueError(f"{where}: expected a multiple of four samples, got {settings.profile.num_samples:g}")
     if settings.num_lanes == 2 and settings.output != 0 and settings.profile.num_samples % 2:
         raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples:g}")
 
