@@ -75,15 +75,17 @@ pub fn fit_all<T: AsPrimitive<f64>>(
         let steps = [0, 1].map(|axis| cells.step(axis, peaks[index][axis], peaks[other][axis]).unsigned_abs());
         powers[other] > powers[index] && steps.into_iter().all(|step| step <= FARTHEST_OTHER)
     };
-    let mut tones = first.clone();
+    let (mut tones, mut is_new) = (first.clone(), vec![true; peaks.len()]);
     for _ in 0..NUM_REFITS * usize::from(axes.lobes.is_some()) {
         let refitted: Vec<_> = (0..peaks.len())
             .map(|index| {
-                let stronger = (0..peaks.len()).filter(|other| is_stronger(*other, index));
-                let others: Vec<Other> = stronger.map(|other| (peaks[other], &tones[other])).collect();
-                (!others.is_empty()).then(|| fit(cells, peaks[index], first[index].offset, axes, &others))
+                let stronger: Vec<_> = (0..peaks.len()).filter(|other| is_stronger(*other, index)).collect();
+                let others: Vec<Other> = stronger.iter().map(|other| (peaks[*other], &tones[*other])).collect();
+                let is_changed = stronger.into_iter().any(|other| is_new[other]);
+                is_changed.then(|| fit(cells, peaks[index], first[index].offset, axes, &others))
             })
             .collect();
+        is_new = refitted.iter().map(Option::is_some).collect();
         for (tone, refitted) in tones.iter_mut().zip(refitted) {
             *tone = refitted.unwrap_or_else(|| tone.clone());
         }
@@ -106,10 +108,9 @@ fn fit<T: AsPrimitive<f64>>(
     let ([num_looks, ..], [num_rows, num_columns]) = (cells.shape, axes.num_cells);
     let (places, mut patch) = cells.patch(peak, axes.num_cells);
     for (other, tone) in others {
-        let [slow, fast] = [0, 1].map(|axis| -> Vec<_> {
-            let from = cells.step(axis, peak[axis], other[axis]) - places[axis].cast_signed();
-            let steps = (0..axes.num_cells[axis].cast_signed()).map(|cell| from + cell);
-            steps.map(|step| axes.lobe(axis, step, tone.offset[axis])).collect()
+        let [slow, fast] = [0, 1].map(|axis| {
+            let first = cells.step(axis, peak[axis], other[axis]) - places[axis].cast_signed();
+            axes.lobes(axis, first, tone.offset[axis])
         });
         for (rows, amplitude) in patch.chunks_exact_mut(num_rows * num_columns).zip(&tone.amplitude) {
             for (cells, slow) in rows.chunks_exact_mut(num_columns).zip(&slow) {
@@ -129,11 +130,17 @@ fn fit<T: AsPrimitive<f64>>(
         // Their projections on the cells: `found[i][j]` of the row's i and the column's j, 1 the derivative.
         let mut found = [[(); 2]; 2].map(|row| row.map(|()| vec![Complex64::default(); num_looks]));
         for (look, rows) in patch.chunks_exact(num_rows * num_columns).enumerate() {
+            let mut sums = vec![[Complex64::ZERO; 2]; num_columns];
             for (row, cells) in rows.chunks_exact(num_columns).enumerate() {
-                let along = [0, 1].map(|j| dot(fast.through(j), cells));
+                let across = [0, 1].map(|i| slow.through(i)[row]);
+                for (sums, cell) in sums.iter_mut().zip(cells) {
+                    *sums = [sums[0] + across[0] * cell, sums[1] + across[1] * cell];
+                }
+            }
+            for (column, sums) in sums.iter().enumerate() {
                 for i in 0..2 {
                     for j in 0..2 {
-                        found[i][j][look] += slow.through(i)[row] * along[j];
+                        found[i][j][look] += sums[i] * fast.through(j)[column];
                     }
                 }
             }
@@ -190,15 +197,15 @@ impl<T: AsPrimitive<f64>> MapCells<'_, T> {
             let left = peak[1].saturating_sub(places[1]).min(width - num_cells[1]);
             places[1] = peak[1] - left;
         }
+        let columns = (0..num_cells[1]).map(|column| (peak[1] + width + column - places[1]) % width);
+        let columns: Vec<_> = columns.collect();
         let mut patch = Vec::with_capacity(num_looks * num_cells[0] * num_cells[1]);
         for look in 0..num_looks {
             for row in 0..num_cells[0] {
                 let row = (peak[0] + height + row - places[0]) % height;
-                for column in 0..num_cells[1] {
-                    let column = (peak[1] + width + column - places[1]) % width;
-                    let cell = self.values[(look * height + row) * width + column];
-                    patch.push(Complex::new(cell.re.as_(), cell.im.as_()));
-                }
+                let cells = &self.values[(look * height + row) * width..][..width];
+                let of_row = columns.iter().map(|column| cells[*column]);
+                patch.extend(of_row.map(|cell| Complex::new(cell.re.as_(), cell.im.as_())));
             }
         }
         (places, patch)
@@ -212,13 +219,18 @@ struct InCells {
 }
 
 impl Axes<'_> {
-    /// A tone of amplitude 1 some cells from its middle cell.
-    fn lobe(&self, axis: usize, step: isize, offset: f64) -> Complex64 {
-        let cell = (NUM_LOBES / 2).wrapping_add_signed(step);
+    /// A tone of amplitude 1 in the cells of an axis, the first some cells from the tone's middle cell.
+    fn lobes(&self, axis: usize, first: isize, offset: f64) -> Vec<Complex64> {
+        let cells = (NUM_LOBES / 2).wrapping_add_signed(first)..;
         let lobes = self.lobes.expect("lobes of tones to subtract");
         let of_axis = &lobes[axis * lobes.len() / 2..][..lobes.len() / 2];
-        let degrees = of_axis.chunks_exact(NUM_LOBES).rev();
-        degrees.fold(Complex64::ZERO, |sum, coefficients| sum * offset + coefficients[cell])
+        let mut values = vec![Complex64::ZERO; self.num_cells[axis]];
+        for coefficients in of_axis.chunks_exact(NUM_LOBES).rev() {
+            for (value, coefficient) in values.iter_mut().zip(&coefficients[cells.clone()]) {
+                *value = *value * offset + coefficient;
+            }
+        }
+        values
     }
 
     /// The series of an axis at an offset.
@@ -226,19 +238,18 @@ impl Axes<'_> {
         let length = 8 * self.most;
         let per_place = self.series.len() / (2 * self.most);
         let series = &self.series[(axis * self.most + place) * per_place..][..per_place];
-        let mut values = vec![0.0; length];
-        for coefficients in series.chunks_exact(length).rev() {
-            for (value, coefficient) in values.iter_mut().zip(coefficients) {
-                *value = *value * offset + coefficient;
+        let mut values = Vec::with_capacity(length / 2);
+        for first in (0..length).step_by(8) {
+            let mut of_four = [0.0; 8]; // in registers
+            for coefficients in series.chunks_exact(length).rev() {
+                for (value, coefficient) in of_four.iter_mut().zip(&coefficients[first..first + 8]) {
+                    *value = *value * offset + coefficient;
+                }
             }
+            values.extend(of_four.as_chunks().0.iter().map(|[re, im]| Complex::new(*re, *im)));
         }
         InCells {
-            values: values
-                .as_chunks()
-                .0
-                .iter()
-                .map(|[re, im]| Complex::new(*re, *im))
-                .collect(),
+            values,
             most: self.most,
         }
     }
