@@ -38,6 +38,9 @@ _PADDING = 4
 _FALSE_ALARMS = 1e-6
 """Share of noise frames with a peak, for the default of `min_snr_db`."""
 
+_SHARES = (0.5, 1e-3, 0.0)
+"""Parts of the highest power: cells above them are candidates, first of all the few above the largest part."""
+
 _NEAREST = 3.0
 """Range bins next to the radar filled by leakage from its transmitter: less than a cycle per chirp, and two bins of the
 window's main lobe."""
@@ -211,16 +214,19 @@ def strongest_peak(
 
     # The strongest peak within the limits, and its position between the cells.
     is_iq = np.iscomplexobj(samples)
-    is_searched = power > (_leakage(power, fast_weights, is_cyclic=is_iq) if leaks and has_range else 0.0)
-    ranges, velocities = measure(*np.ogrid[: power.shape[0], : power.shape[1]])
-    if not waveform.is_cw:
-        is_searched &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
-    if has_velocity:
-        is_searched &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
-    highest = power.max(where=is_searched, initial=0.0)
-    for least in (0.5 * highest, 0.0):  # the highest cells may be the flank of a peak outside of the limits
-        cells = np.argwhere(is_searched & (power > least))
-        cells = cells[_core.local_maxima(power, np.ascontiguousarray(cells), is_cyclic=is_iq)]
+    searched = power
+    if leaks and has_range:
+        searched = np.where(power > _leakage(power, fast_weights, is_cyclic=is_iq), power, 0.0)
+    for share in _SHARES:  # the highest cells may be outside of the limits, or the flank of a peak there
+        cells = np.stack(np.unravel_index(np.flatnonzero(searched > share * searched.max()), power.shape), axis=1)
+        ranges, velocities = measure(*cells.T)
+        is_inside = np.ones(len(cells), dtype=bool)
+        if not waveform.is_cw:
+            is_inside &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
+        if has_velocity:
+            is_inside &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
+        cells = cells[is_inside]
+        cells = cells[_core.local_maxima(power, cells, is_cyclic=is_iq)]
         if len(cells) > 0:
             break
     else:

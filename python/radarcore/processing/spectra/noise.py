@@ -61,7 +61,12 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     """
     cells = checked_power(power)
     looks = check.count("num_looks", num_looks)
-    return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
+    if cells.size == 0:
+        return 0.0
+    middle = cells.size // 2
+    ordered = np.partition(cells, middle, axis=None)  # quicker than np.median
+    lower = ordered[middle] if cells.size % 2 else ordered[:middle].max()
+    return float(0.5 * (lower + ordered[middle])) / median_of_unit_mean(looks)
 
 
 def filtered_rows(power: NDArray[Any]) -> NDArray[np.bool_]:

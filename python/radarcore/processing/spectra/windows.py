@@ -31,11 +31,17 @@ def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64
     An accelerating target then has its velocity at the middle of the frame instead of half a chirp later. A window of
     two samples uses only one, as a periodic window does: two samples determine no frequency.
     """
+    return _centred(name, hashable(name, window), length)
+
+
+@lru_cache(maxsize=64)
+def _centred(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """`centred_window`, cached because all frames of a stream share it."""
     if window is None or length < 3:
         return window_weights(name, window, length)
     if isinstance(window, str) and window in _COSINES:
         return check.frozen(_sum_of_cosines(_COSINES[window], 2 * length + 1)[1::2])
-    longer = _weights(name, hashable(name, window), length + 1, periodic=False)
+    longer = _weights(name, window, length + 1, periodic=False)
     return check.frozen(0.5 * (longer[1:] + longer[:-1]))
 
 
