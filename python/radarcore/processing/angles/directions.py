@@ -192,10 +192,11 @@ def waves_of(
     array = array_of(radar)
     size = np.abs(values).max(axis=1, initial=0.0)
     is_known = (size > 0.0) & (size < np.inf)
-    if not (is_known.any() and any(array.observable)):
+    num_known = np.count_nonzero(is_known)  # of a few numbers, quicker than `any` and `all`
+    if num_known == 0 or not any(array.observable):
         nothing = np.full((len(values), 3, 2), np.nan)
         return Waves(_directions(array, nothing[:, 0], nothing[:, 1:], np.ones(len(values), dtype=bool)))
-    if not (all_known := bool(is_known.all())):
+    if not (all_known := num_known == len(values)):
         values, size = np.where(is_known[:, None], values, 1.0), np.where(is_known, size, 1.0)
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
@@ -211,7 +212,7 @@ def waves_of(
     # Closed form if one direction aligns the phases of all channels; otherwise, or beyond the horizon, by search.
     sines = aligned(waves, array)
     is_lost = ~(np.vecdot(sines, sines) <= 1.0)
-    if is_lost.any():
+    if np.count_nonzero(is_lost):
         sines[is_lost] = searched(waves[is_lost], array)
 
     # Waves of near targets are spherical.
@@ -234,10 +235,10 @@ def waves_of(
     # Residual power of one wave, relative to the noise, and its significance.
     power = len(array.x) * (snr + 1.0)
     residual = missing * power
-    is_over_noise = _exceeds_noise(residual, array, 1) & is_known
+    is_over_noise = is_known & _exceeds_noise(residual, array, 1)
     is_several = is_over_noise & (residual > _UNEQUAL * power)
     variance = 0.5 / snr
-    if is_several.any():
+    if np.count_nonzero(is_several):
         variance[is_several] *= _interference(residual[is_several], array, 1)
     inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
     covariance = inverse * variance[:, None, None]
@@ -286,35 +287,37 @@ def waves_of(
 
 def _directions(array: Array, sines: _Reals, covariance: _Reals, is_resolved: NDArray[np.bool_]) -> Directions:
     """Directions from sines of waves (wave, 2) and their covariance (wave, 2, 2)."""
-    candidates = sines[:, None] + array.ambiguities  # all with the same phases, the fitted one first
-    if len(array.ambiguities) > 1:
-        square = np.vecdot(candidates, candidates)
-        square[:, 0] = -1.0
-        is_front = square <= 1.0
-        candidates[~is_front] = np.nan
-        if is_front[:, 1:].any():
-            order = np.where(is_front, square, np.inf).argsort(axis=1)
-            candidates = np.take_along_axis(candidates, order[..., None], axis=1)
-    y, z = candidates[..., 0], candidates[..., 1]
-    forward = array.forward(candidates)
-    angles = np.full(candidates.shape, np.nan)
-    if array.observable[0]:
-        angles[..., 0] = np.arctan2(y, forward)
-    if array.observable[1]:
-        angles[..., 1] = np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0))
+    # All others with the same phases, by their angle from the front.
+    others = sines[:, None] + array.ambiguities[1:]
+    square = np.vecdot(others, others)
+    is_front = square <= 1.0
+    alternatives = np.full(others.shape, np.nan)
+    if np.count_nonzero(is_front):
+        others[~is_front] = np.nan
+        order = np.where(is_front, square, np.inf).argsort(axis=1)
+        others = np.take_along_axis(others, order[..., None], axis=1)
+        alternatives = np.stack(_angles(array, others, array.forward(others)), axis=-1)
 
     # Derivatives of angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el).
-    square = np.maximum(1.0 - z[:, 0] * z[:, 0], _TINY)  # cos(el)^2
+    (y, z), forward = sines.T, array.forward(sines)
+    square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
     by_sines = np.zeros((len(sines), 2, 2))
-    by_sines[:, 0, 0] = 1.0 / np.maximum(forward[:, 0], _TINY)
-    by_sines[:, 0, 1] = by_sines[:, 0, 0] * y[:, 0] * z[:, 0] / square
+    by_sines[:, 0, 0] = by_y = 1.0 / np.maximum(forward, _TINY)
+    by_sines[:, 0, 1] = by_y * y * z / square
     by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
     of_angles: _Reals = by_sines @ covariance @ by_sines.mT
     for axis, is_observable in enumerate(array.observable):
         if not is_observable:
             of_angles[:, axis] = of_angles[:, :, axis] = np.nan
-    azimuth, elevation = angles[:, 0].T
-    return Directions(azimuth, elevation, of_angles, is_resolved, array.ambiguous_beyond, angles[:, 1:])
+    return Directions(*_angles(array, sines, forward), of_angles, is_resolved, array.ambiguous_beyond, alternatives)
+
+
+def _angles(array: Array, sines: _Reals, forward: _Reals) -> tuple[_Reals, _Reals]:
+    """Azimuth and elevation of sines (..., 2), NaN for unobservable ones."""
+    y, z = sines[..., 0], sines[..., 1]
+    azimuth = np.arctan2(y, forward) if array.observable[0] else np.full(y.shape, np.nan)
+    elevation = np.arcsin(np.minimum(np.maximum(z, -1.0), 1.0)) if array.observable[1] else np.full(z.shape, np.nan)
+    return azimuth, elevation
 
 
 def _interference(residual: _Reals, array: Array, num_waves: int) -> _Reals:

@@ -202,7 +202,7 @@ def aligned(waves: _Complexes, array: Array) -> _Reals:
     undone, shifts = array.aligning
     over_first = waves[:, 1:] * waves[:, :1].conj()
     sines = nearest_to_front(np.arctan2(over_first.imag, over_first.real) @ undone, shifts)
-    if not over_first.all():
+    if np.count_nonzero(over_first) < over_first.size:
         sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power has no phase
     return sines
 
