@@ -24,14 +24,13 @@ import radarcore as rc
 from page import PERFORMANCE, machine, table, write_section
 from radarcore import _core
 from radarcore.processing.detection import detect as detection
-from radarcore.processing.detection import map as map_test
 
 RATE = 40.0
 """Frames per second of the stream."""
 
 STAGES: dict[str, tuple[Any, str]] = {
     "transforms": (detection, "_map"),
-    "CFAR": (map_test.Search, "maxima"),
+    "CFAR": (_core, "maxima_above"),
     "sidelobes": (_core, "above_sidelobes"),
     "fit": (detection, "fit"),
     "directions": (detection, "waves_of"),

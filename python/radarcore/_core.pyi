@@ -122,7 +122,8 @@ def maxima_above(
     """Local maxima (peak, 2) of a map above their thresholds, and these (peak,); see `local_maxima`.
 
     `trained` and `scale` (row, column) begin at the column `first` of the map. A threshold is `scale` times the sum of
-    the training cells of `trained`, see `training_medians`. Cells with a scale of 0 are not tested.
+    the training cells of `trained`, see `training_medians`, clipped at five times the level of their column: the median
+    over the rows, then over the columns near it. Cells with a scale of 0 are not tested.
     """
 
 def above_sidelobes(

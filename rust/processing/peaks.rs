@@ -14,6 +14,10 @@ const PER_CELL: f64 = 16.0;
 /// Error of the parabola through three cells, in noise [cells].
 const OFF_PEAK: f64 = 0.1;
 
+/// Limit of a training cell's power over the level of its range. Fewer than one cell of noise in a hundred exceed it, so
+/// that the threshold falls by at most 0.03 dB, and a strong echo hardly raises the threshold of a weak one nearby.
+const CLIPPED_ABOVE: f64 = 5.0;
+
 /// Powers `(row, column)`. Rows are cyclic.
 pub struct Map<'a> {
     pub power: &'a [f64],
@@ -69,8 +73,8 @@ impl Sidelobes<'_> {
 impl Map<'_> {
     /// Cells above their thresholds that no neighbour exceeds, and their thresholds.
     ///
-    /// A threshold is `scale` times the sum of the training cells; cells without a scale are not tested. `trained` and
-    /// `scale` (row, column) hold the columns `searched`.
+    /// A threshold is `scale` times the sum of the clipped training cells; cells without a scale are not tested.
+    /// `trained` and `scale` (row, column) hold the columns `searched`.
     pub fn maxima_above(
         &self,
         trained: &[f64],
@@ -80,14 +84,19 @@ impl Map<'_> {
         trainings: [usize; 2],
     ) -> (Vec<[usize; 2]>, Vec<f64>) {
         let (height, width) = (self.shape[0], searched.len());
+        if trained.is_empty() {
+            return (Vec::new(), Vec::new());
+        }
+        let outer = [0, 1].map(|axis| guards[axis] + trainings[axis]);
+        let levels = levels(trained, width, outer[1]);
         // Sums of all cells before a row and a column; then of windows about a cell.
         let mut sums = vec![0.0; (height + 1) * (width + 1)];
-        for row in 0..height {
+        for (row, trained) in trained.chunks_exact(width).enumerate() {
             let (above, below) = sums[row * (width + 1)..].split_at_mut(width + 1);
             let mut of_row = 0.0;
-            for column in 0..width {
-                of_row += trained[row * width + column];
-                below[column + 1] = above[column + 1] + of_row;
+            for (((below, above), power), level) in below[1..].iter_mut().zip(&above[1..]).zip(trained).zip(&levels) {
+                of_row += power.min(CLIPPED_ABOVE * level);
+                *below = above + of_row;
             }
         }
         let window = |row: usize, column: usize, reach: [usize; 2]| {
@@ -96,15 +105,26 @@ impl Map<'_> {
             let [left, right] = [column.saturating_sub(reach[1]), width.min(column + reach[1] + 1)];
             (sums[bottom + right] - sums[bottom + left]) - (sums[top + right] - sums[top + left])
         };
-        let outer = [0, 1].map(|axis| guards[axis] + trainings[axis]);
+        let (before, after) = (
+            self.columns_around(searched.start)[0],
+            self.columns_around(searched.end - 1)[2],
+        );
+        let columns: Vec<_> = [before].into_iter().chain(searched.clone()).chain([after]).collect();
         let mut found = (Vec::new(), Vec::new());
-        for row in 0..height {
-            for column in 0..width {
-                let (scale, cell) = (scale[row * width + column], [row, searched.start + column]);
-                let threshold = scale * (window(row, column, outer) - window(row, column, guards)).max(0.0);
-                if scale > 0.0 && self.at(cell) > threshold && self.is_local_maximum(cell) {
-                    found.0.push(cell);
-                    found.1.push(threshold);
+        for (row, scales) in scale.chunks_exact(width).enumerate() {
+            let rows = cyclic(row, height).map(|row| &self.power[row * self.shape[1]..][..self.shape[1]]);
+            let larger = |a: f64, b: f64| if a > b { a } else { b }; // one instruction
+            let highest = |column: &usize| larger(larger(rows[0][*column], rows[1][*column]), rows[2][*column]);
+            let highest: Vec<_> = columns.iter().map(highest).collect();
+            let of_row = rows[1][searched.clone()].iter().zip(scales).zip(highest.windows(3));
+            for (column, ((power, scale), highest)) in of_row.enumerate() {
+                let highest = larger(larger(highest[0], highest[1]), highest[2]);
+                if *power >= highest && *power > 0.0 && *scale > 0.0 {
+                    let threshold = scale * (window(row, column, outer) - window(row, column, guards)).max(0.0);
+                    if *power > threshold {
+                        found.0.push([row, searched.start + column]);
+                        found.1.push(threshold);
+                    }
                 }
             }
         }
@@ -232,15 +252,40 @@ impl Map<'_> {
 
     /// Rows and columns before, of and after a cell.
     fn around(&self, [row, column]: [usize; 2]) -> [[usize; 3]; 2] {
-        let [height, width] = self.shape;
-        let cyclic = |index: usize, number: usize| [(index + number - 1) % number, index, (index + 1) % number];
-        let mut columns = cyclic(column, width);
-        if !self.is_cyclic && width > 1 {
-            columns[0] = column.abs_diff(1);
-            columns[2] = if column + 1 < width { column + 1 } else { width - 2 };
-        }
-        [cyclic(row, height), columns]
+        [cyclic(row, self.shape[0]), self.columns_around(column)]
     }
+
+    fn columns_around(&self, column: usize) -> [usize; 3] {
+        let width = self.shape[1];
+        if self.is_cyclic || width == 1 {
+            return cyclic(column, width);
+        }
+        let after = if column + 1 < width { column + 1 } else { width - 2 };
+        [column.abs_diff(1), column, after]
+    }
+}
+
+/// Cells before, of and after one of a cyclic axis.
+fn cyclic(index: usize, number: usize) -> [usize; 3] {
+    [(index + number - 1) % number, index, (index + 1) % number]
+}
+
+/// Noise level of every column: the median over its rows, then over `reach` columns on each side, mirrored at the ends.
+///
+/// Clutter that fills all rows of a column, or most columns of a map of one row, counts as noise.
+fn levels(power: &[f64], width: usize, reach: usize) -> Vec<f64> {
+    // Powers are not negative: their bits have their order.
+    let upper_median = |mut values: Vec<u64>| {
+        let middle = values.len() / 2;
+        *values.select_nth_unstable(middle).1
+    };
+    let bits: Vec<_> = power.iter().copied().map(f64::to_bits).collect();
+    let of_column = |column| bits[column..].iter().step_by(width).copied().collect();
+    let of_columns: Vec<_> = (0..width).map(of_column).map(upper_median).collect();
+    let (last, reach) = (width.cast_signed() - 1, reach.cast_signed());
+    let mirrored = |column: isize| of_columns[(last - (column.rem_euclid((2 * last).max(1)) - last).abs()) as usize];
+    let near = |column| (column - reach..=column + reach).map(mirrored).collect();
+    (0..=last).map(near).map(upper_median).map(f64::from_bits).collect()
 }
 
 #[cfg(test)]
@@ -280,6 +325,13 @@ mod tests {
         assert_eq!(found(8.9 / 14.0), [[1, 3]]);
         assert!(found(9.1 / 14.0).is_empty());
         assert!(found(0.0).is_empty());
+    }
+
+    #[test]
+    fn level_of_a_column_is_the_median_of_a_mirrored_axis() {
+        assert_eq!(levels(&[1.0, 5.0, 2.0, 4.0, 3.0], 5, 1), [5.0, 2.0, 4.0, 3.0, 4.0]);
+        assert_eq!(levels(&[1.0, 5.0, 2.0], 3, 4), [2.0, 5.0, 2.0]); // of 1 5 2 5 1 5 2 5 1 for the first
+        assert_eq!(levels(&[4.0, 7.0, 1.0], 1, 3), [4.0]);
     }
 
     #[test]

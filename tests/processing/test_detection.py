@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 import radarcore as rc
-from radarcore.processing.detection.map import Coordinates, neighbours
+from radarcore.processing.detection.map import Coordinates
 from radarcore.processing.detection.tone import axes_of, fit
 from radarcore.processing.spectra.windows import independent_share, window_weights
 from radarcore.units import SPEED_OF_LIGHT
@@ -420,10 +419,3 @@ def test_single_target_stays_one_detection_of_two_directions() -> None:
     of, rng = radar(num_channels=8), np.random.default_rng(4)
     found = [rc.detect(pair(of, 1.0, rng, (25.0, -200.0))[0], of, max_directions=2) for _ in range(40)]
     assert all(len(each) == 1 for each in found)
-
-
-@pytest.mark.parametrize("length", [1, 2, 5, 61])
-def test_medians_of_neighbours_are_those_of_a_mirrored_axis(length: int) -> None:
-    values = np.random.default_rng(length).random(length)
-    medians = np.median(values[neighbours(length, 10)], axis=1)
-    np.testing.assert_array_equal(medians, median_filter(values, 21, mode="mirror"))

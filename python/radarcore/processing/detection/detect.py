@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.processing.angles.directions import require_two_directions, waves_of
+from radarcore.processing.angles.plane_wave import array_of
 from radarcore.processing.clutter.static import remove_mean
 from radarcore.processing.detection.bands import Bands, bands_of
 from radarcore.processing.detection.map import (
@@ -177,19 +179,24 @@ def detect(
 
     # Local maxima of the power over velocity and range above their thresholds.
     cells, power = _map(samples, wf, layout, settings, bands)
-    trained = _with_noise(power[:, search.first : search.last])
-    doubles = power.astype(np.float64)
-    peaks, thresholds = search.maxima(doubles, trained)
+    trained = _with_noise(power[:, search.first : search.last]).astype(np.float64)
+    power = power.astype(np.float64)
+    cells_around = {"guards": search.guards, "trainings": search.trainings}
+    peaks, thresholds = _core.maxima_above(
+        power, trained, search.scale, first=search.first, is_cyclic=layout.is_iq, **cells_around
+    )
     if bands is not None:
-        is_true = bands.are_true(doubles, peaks)
+        is_true = bands.are_true(power, peaks)
         peaks, thresholds = peaks[is_true], thresholds[is_true]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
+    if len(peaks) == 0:
+        return detections_of(*_nothing(radar), time, array_of(radar).ambiguous_beyond)
 
     # Discard rounding errors of the samples and sidelobes.
     noise_floor = max(layout.rounding * energy, layout.num_looks * LEAST_NOISE)
     least = np.maximum(thresholds, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
     peaks, offset = _core.above_sidelobes(
-        doubles,
+        power,
         peaks,
         least,
         layout.envelopes,
@@ -203,7 +210,8 @@ def detect(
     )
 
     # Fit the tones, and estimate their SNR.
-    noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
+    noise = _core.training_medians(trained, peaks - np.array([0, search.first]), **cells_around)
+    noise /= median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq, subtract_stronger=True)
     if layout.has_range and not (layout.is_iq or subtract_mean or bands):
@@ -247,13 +255,20 @@ def detect(
     return detections_of(columns, *others, time, seen.ambiguous_beyond)
 
 
+@lru_cache(maxsize=16)
+def _nothing(radar: Radar) -> tuple[NDArray[Any], ...]:
+    """Columns, covariance, flags and alternatives of no detections."""
+    alternatives = np.empty((0, len(array_of(radar).ambiguities) - 1, 2))
+    return np.empty((5, 0)), np.empty((0, 4, 4)), np.empty(0, bool), alternatives
+
+
 def _map(
     samples: NDArray[Any], wf: Waveform, layout: Layout, settings: DetectionSettings, bands: Bands | None
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Cells (look, row, column), and their power (row, column), scaled to equal noise in all cells."""
     moving = remove_mean(samples) if settings.subtract_mean else samples
     if layout.has_velocity:
-        windowed = moving * layout.weights.astype(moving.real.dtype)
+        windowed = moving * layout.weights[moving.real.dtype]
         cells = transformed(windowed, wf, wf.num_samples, wf.num_chirps)
     else:
         profiles = fast_spectrum(moving, wf, window=settings.window, num_bins=None)
@@ -276,7 +291,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     An emptied row gets the power of a row far away, limited to exclude echoes, where this is larger.
     """
     is_empty = filtered_rows(power)
-    if not is_empty.any():
+    if np.count_nonzero(is_empty) == 0:
         return power
     (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
     far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]

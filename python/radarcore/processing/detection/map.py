@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check
+from radarcore import check
 from radarcore.processing.detection.cfar import (
     averaging_factor,
     checked_rate,
@@ -47,10 +47,6 @@ guard cells."""
 _TRAINING_2D, _TRAINING_1D = 8, 16
 """Training cells on each side: several hundred in a map, so that the threshold hardly fluctuates; nearby ones in a
 profile."""
-
-_CLIPPED_ABOVE = 5.0
-"""Limit of a training cell's power over the level of its range. Fewer than one cell of noise in a hundred exceed it, so
-that the threshold falls by at most 0.03 dB, and a strong echo hardly raises the threshold of a weak one nearby."""
 
 _HIGHEST_RATE = 0.01
 """Largest false-alarm rate: about one in ten cells of noise is a local maximum."""
@@ -128,9 +124,10 @@ class Layout:
     coordinates: Coordinates
 
     @cached_property
-    def weights(self) -> NDArray[np.float64]:
-        """Product of the windows, as `transformed` needs it, (chirp, sample)."""
-        return both_windows(self.fast, self.slow, len(self.slow), np.dtype(np.float64))
+    def weights(self) -> dict[np.dtype[Any], NDArray[Any]]:
+        """Product of the windows, as `transformed` needs it, (chirp, sample), in both precisions."""
+        kinds = map(np.dtype, (np.float32, np.float64))
+        return {kind: both_windows(self.fast, self.slow, len(self.slow), kind) for kind in kinds}
 
     @cached_property
     def rounding(self) -> float:
@@ -306,39 +303,6 @@ class Search:
     """Threshold over the sum of the training cells, 0 for untested cells, (row, column from `first` on)."""
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
-
-    def maxima(
-        self, power: NDArray[np.float64], trained: NDArray[Any]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Local maxima of a map above thresholds (peak, 2), and these (peak,); `trained` has the searched columns.
-
-        The noise level at every range is the median over all velocities, then over the ranges near it. Clutter that
-        fills all velocities of a range, or most ranges of a profile, counts as noise.
-        """
-        middle, reach = len(trained) // 2, self.guards[1] + self.trainings[1]
-        near = np.partition(trained, middle, axis=0)[middle, neighbours(trained.shape[1], reach)]
-        limit = _CLIPPED_ABOVE * np.partition(near, reach, axis=1)[:, reach]
-        return _core.maxima_above(
-            power,
-            np.minimum(trained, limit, dtype=np.float64),
-            self.scale,
-            first=self.first,
-            guards=self.guards,
-            trainings=self.trainings,
-            is_cyclic=self.layout.is_iq,
-        )
-
-    def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Medians of the training cells around `cells` (cell, 2)."""
-        searched = np.ascontiguousarray(power, np.float64), cells - np.array([0, self.first])
-        return _core.training_medians(*searched, guards=self.guards, trainings=self.trainings)
-
-
-@lru_cache(maxsize=16)
-def neighbours(length: int, reach: int) -> NDArray[np.intp]:
-    """Indices within `reach` of every cell of an axis, mirrored at both ends, (cell, 2 reach + 1)."""
-    last, cells = length - 1, np.arange(length)[:, None] + np.arange(-reach, reach + 1)
-    return np.asarray(last - np.abs(cells % max(2 * last, 1) - last))
 
 
 @lru_cache(maxsize=16)
