@@ -14,7 +14,7 @@ mod level;
 mod vector;
 
 pub use level::Level;
-pub use vector::{Isa, Kernel, Precision, Real, Vector, add_patch, add_rows, add_window, interleave, prefetch};
+pub use vector::{Isa, Kernel, Precision, Real, Vector, add_rows, add_window, prefetch};
 
 #[cfg(test)]
 mod tests;

@@ -107,12 +107,6 @@ pub trait Vector: Copy {
     fn store(self, to: &mut [Self::Scalar]);
 }
 
-/// `re0, im0, re1, im1, ...`
-#[cfg_attr(optimised, inline(always))]
-pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
-    re.interleave(im)
-}
-
 /// Add to rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
 #[cfg_attr(optimised, inline(always))]
 pub fn add_rows<V: Vector, const W: usize, const N: usize>(
@@ -128,24 +122,6 @@ pub fn add_rows<V: Vector, const W: usize, const N: usize>(
         for i in 0..N {
             let at = &mut row[i * V::LANES..];
             V::splat(taps[j]).mul_add(values[i], V::load(at)).store(at);
-        }
-    }
-}
-
-/// Add to rows of a grid: `grid[start + j stride ..] += patch[j]`.
-#[cfg_attr(optimised, inline(always))]
-pub fn add_patch<V: Vector, const W: usize, const N: usize>(
-    grid: &mut [V::Scalar],
-    start: usize,
-    stride: usize,
-    patch: &[[V; N]; W],
-) {
-    let window = &mut grid[start..][..(W - 1) * stride + N * V::LANES];
-    for j in 0..W {
-        let row = &mut window[j * stride..][..N * V::LANES];
-        for i in 0..N {
-            let at = &mut row[i * V::LANES..];
-            patch[j][i].add(V::load(at)).store(at);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::grid::{Layout, STEP};
 use super::plan::DopplerPlan;
-use crate::numeric::simd::{Isa, Kernel, Precision, Real, Vector, interleave};
+use crate::numeric::simd::{Isa, Kernel, Precision, Real, Vector};
 use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane};
 use crate::synthesis::coherence::{CellAxis, CellSums};
@@ -137,7 +137,7 @@ impl<T: Precision> ComputePoints<'_, T> {
             let factors = [<T::In<I>>::splat(T::one()), p, q, p.mul(p), p.mul(q), q.mul(q)];
             for term in 0..self.points.strengths.len().min(factors.len()) {
                 let [re, im] = [strength[0].mul(factors[term]), strength[1].mul(factors[term])];
-                wide::store(interleave(re, im), &mut self.points.strengths[term][2 * at..]);
+                wide::store(re.interleave(im), &mut self.points.strengths[term][2 * at..]);
             }
         }
         let (points, measured) = (&self.points, &mut *self.measured);

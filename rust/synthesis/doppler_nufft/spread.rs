@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::points::Points;
-use crate::numeric::simd::{Isa, Kernel, Precision, Vector, add_patch, add_rows};
+use crate::numeric::simd::{Isa, Kernel, Precision, Vector, add_rows};
 use crate::numeric::wide;
 use crate::synthesis::chunk::CHUNK;
 use crate::synthesis::kaiser_bessel::degree;
@@ -90,7 +90,10 @@ impl<T: Precision> SpreadPoints<'_, T> {
                     }
                     i += 1;
                 }
-                add_patch(self.cells, term * layout.size() + start, layout.stride, &patch);
+                for j in 0..R {
+                    let row = term * layout.size() + start + j * layout.stride;
+                    add_rows::<_, 1, N>(self.cells, row, 0, &[T::one()], &patch[j]);
+                }
             }
         }
     }
