@@ -11,7 +11,7 @@ use crate::synthesis::choose::{Engine, Method, choose};
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::direct;
 use crate::synthesis::doppler_nufft;
-use crate::synthesis::report::{Known, Options, Prepared, Report, Samples, Sum};
+use crate::synthesis::report::{Known, Options, Report, Samples, Sum};
 use crate::synthesis::source::PathGroup;
 
 /// Path-samples that are summed in the time that waking a thread of a pool takes.
@@ -46,7 +46,7 @@ pub fn beat_signal(
     sum_groups(waveform, arrays.num_channels, &groups, method, options)
 }
 
-/// Beat samples as [`beat_signal`], of groups of paths of `num_channels` channels.
+/// Beat samples as [`beat_signal`], of groups of paths of `num_channels` channels; none may be empty beside others.
 pub fn sum_groups(
     waveform: &Waveform,
     num_channels: usize,
@@ -57,31 +57,22 @@ pub fn sum_groups(
     let shape = [num_channels, waveform.chirp_times.len(), waveform.num_samples];
     // Samples, and as much again in progress.
     fits_memory("samples", &shape, 3 * size_of::<Complex64>())?;
-    let groups: Vec<PathGroup> = groups
-        .iter()
-        .filter(|group| group.source.shape().paths > 0)
-        .copied()
-        .collect();
-    if groups.is_empty() || num_channels == 0 {
+    let num_paths: usize = groups.iter().map(|group| group.source.shape().paths).sum();
+    if num_paths * num_channels == 0 {
         return Ok((Samples::zeros(shape, options.tolerance), Report::default()));
     }
-    let engine = choose(waveform, &groups, options.tolerance, method);
+    let engine = choose(waveform, groups, options.tolerance, method);
     let mut options = *options;
     let (mut num_runs, mut memory) = (0, 0);
     while engine != Engine::Direct && num_runs < 2 {
-        let Prepared { report, run } = if engine == Engine::Doppler {
-            doppler_nufft::prepare(waveform, &groups, &options)?
+        let sum = if engine == Engine::Doppler {
+            doppler_nufft::sum(waveform, groups, &options)?
         } else {
-            chirp_nufft::prepare(waveform, &groups, &options)?
+            chirp_nufft::sum(waveform, groups, &options)?
         };
-        check_turns(waveform, &report)?;
-        if report.error.with_gain(options.known.gain) > options.tolerance {
-            break;
-        }
-        let sum = run()?;
+        let Some(sum) = sum else { break };
         num_runs += 1;
-        check_turns(waveform, &sum.report)?;
-        let mut sum = sum.measured(waveform, &groups, num_runs)?;
+        let mut sum = sum.measured(waveform, groups, num_runs)?;
         // Grids of another size do not take the memory of those before.
         memory += sum.report.memory;
         sum.report.memory = memory;
@@ -96,20 +87,19 @@ pub fn sum_groups(
             needs_double: sum.report.error.rounding_with_gain(gain) > 0.5 * options.tolerance,
         };
     }
-    let sum = direct::sum(waveform, &groups, &options)?;
-    check_turns(waveform, &sum.report)?;
-    let sum = sum.measured(waveform, &groups, num_runs + 1)?;
+    let sum = direct::sum(waveform, groups, &options)?.measured(waveform, groups, num_runs + 1)?;
     Ok((sum.samples, sum.report))
 }
 
 impl Sum {
-    /// This sum, with its gain; an error if a sample is no finite number.
+    /// This sum, with its gain; an error if phases lose all digits, or if a sample is no finite number.
     fn measured(mut self, waveform: &Waveform, groups: &[PathGroup], num_runs: usize) -> Result<Self> {
         fn energies<T: Real>(samples: &[Complex<T>], per_channel: usize) -> Vec<f64> {
             let square = |sample: &Complex<T>| sample.re.wide().powi(2) + sample.im.wide().powi(2);
             let channels = samples.chunks(per_channel);
             channels.map(|channel| channel.iter().map(square).sum()).collect()
         }
+        check_turns(waveform, &self.report)?;
         let per_channel = waveform.chirp_times.len() * waveform.num_samples;
         let energies = match &self.samples {
             Samples::Single(samples) => energies(samples, per_channel),

@@ -5,7 +5,6 @@ use std::fmt;
 use num_complex::{Complex, Complex32, Complex64};
 
 use crate::cancel::Cancel;
-use crate::error::Result;
 use crate::numeric::simd::{Level, Real};
 use crate::synthesis::source::PathGroup;
 
@@ -139,15 +138,7 @@ pub struct Sum {
     pub report: Report,
 }
 
-/// A sum that is ready to run.
-pub struct Prepared<'a> {
-    /// Report of the sum before it runs.
-    pub report: Report,
-    /// Form the sum.
-    pub run: Box<dyn FnOnce() -> Result<Sum> + 'a>,
-}
-
-/// Report of a sum, or of a prepared one.
+/// Report of a sum.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Name of the engine: `direct`, `chirp-wise NUFFT` or `range-Doppler NUFFT`.

@@ -20,7 +20,7 @@ mod spread;
 use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::report::{Options, Prepared, Report, Samples, Sum};
+use crate::synthesis::report::{Options, Report, Samples, Sum};
 use crate::synthesis::source::PathGroup;
 use number::Number;
 use plan::ChirpPlan;
@@ -28,50 +28,45 @@ use plan::ChirpPlan;
 /// Smallest tolerance for which sums are tried in single precision.
 const LEAST_SINGLE: f64 = 3e-6;
 
-/// Prepare a sum over paths: their records in the precision that keeps the tolerance, and the cheapest steps that do.
-pub fn prepare<'a>(
-    waveform: &'a Waveform,
-    groups: &'a [PathGroup<'a>],
-    options: &'a Options<'a>,
-) -> Result<Prepared<'a>> {
-    if options.tolerance >= LEAST_SINGLE && !options.known.needs_double {
-        let plan = ChirpPlan::<f32>::new(waveform, groups, options)?;
-        if plan.error.with_gain(options.known.gain) <= options.tolerance {
-            return Ok(prepared(plan, groups));
-        }
+/// Sum over paths: of records in the precision that keeps the tolerance, by the cheapest steps that do. None if no steps
+/// are known to.
+pub fn sum(waveform: &Waveform, groups: &[PathGroup], options: &Options) -> Result<Option<Sum>> {
+    if options.tolerance >= LEAST_SINGLE
+        && !options.known.needs_double
+        && let Some(sum) = sum_records::<f32>(waveform, groups, options)?
+    {
+        return Ok(Some(sum));
     }
-    Ok(prepared(ChirpPlan::<f64>::new(waveform, groups, options)?, groups))
+    sum_records::<f64>(waveform, groups, options)
 }
 
-fn prepared<'a, T: Number>(plan: ChirpPlan<'a, T>, groups: &[PathGroup]) -> Prepared<'a> {
-    let report = Report {
-        is_single: size_of::<T>() == 4,
-        width: plan.steps.width,
-        num_grids: plan.steps.degrees.len(),
-        num_blocks: plan.groups.iter().map(|group| group.blocks.len()).max().unwrap_or(0),
-        longest: plan.errors.iter().map(|errors| errors.longest).fold(0.0, f64::max),
-        memory: plan.memory(),
-        error: plan.error,
-        ..Report::new("chirp-wise NUFFT", groups)
-    };
-    Prepared {
-        report: report.clone(),
-        run: Box::new(move || run(&plan, report)),
+/// Sum over records in one precision.
+fn sum_records<T: Number>(waveform: &Waveform, groups: &[PathGroup], options: &Options) -> Result<Option<Sum>> {
+    let plan = ChirpPlan::<T>::new(waveform, groups, options)?;
+    let is_enough = plan.error.with_gain(options.known.gain) <= options.tolerance;
+    if !is_enough {
+        return Ok(None);
     }
-}
-
-/// Sum over the paths of a plan.
-fn run<T: Number>(plan: &ChirpPlan<T>, report: Report) -> Result<Sum> {
-    fits_memory("grids", &[report.memory], 1)?;
-    let samples = grid::samples(plan);
-    plan.options.cancel.map_or(Ok(()), Cancel::check)?;
+    let memory = plan.memory();
+    fits_memory("grids", &[memory], 1)?;
+    let samples = grid::samples(&plan);
+    options.cancel.map_or(Ok(()), Cancel::check)?;
     let back = plan.scale.recip();
-    Ok(Sum {
-        samples: Samples::new(&samples, back, plan.options.tolerance),
+    Ok(Some(Sum {
+        samples: Samples::new(&samples, back, options.tolerance),
         power: plan.errors.iter().map(|errors| errors.power * back * back).collect(),
         coherence: plan.energies.iter().copied().fold(1.0, f64::max).sqrt(),
-        report,
-    })
+        report: Report {
+            is_single: size_of::<T>() == 4,
+            width: plan.steps.width,
+            num_grids: plan.steps.degrees.len(),
+            num_blocks: plan.groups.iter().map(|group| group.blocks.len()).max().unwrap_or(0),
+            longest: plan.errors.iter().map(|errors| errors.longest).fold(0.0, f64::max),
+            memory,
+            error: plan.error,
+            ..Report::new("chirp-wise NUFFT", groups)
+        },
+    }))
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ fn check(rows: &Rows, waveform: &Waveform, exact: &[Complex64], tolerance: f64, 
         level,
         ..options(tolerance)
     };
-    let run = |groups: &[PathGroup], options: &Options| (prepare(waveform, groups, options)?.run)();
+    let run = |groups: &[PathGroup], options: &Options| sum(waveform, groups, options);
     rows.sum(waveform, exact, options, run).1
 }
 
@@ -135,9 +135,7 @@ fn groups_have_their_power_of_the_frequency() {
     let (waveform, paths) = (waveform(20, 64, 4e9), Rows::random(2, 100, 3));
     for exponent in [1, 2] {
         let exact = paths.exact(&waveform, exponent);
-        let sum = paths.groups(exponent, |groups| {
-            (prepare(&waveform, groups, &options(1e-3)).unwrap().run)()
-        });
+        let sum = paths.groups(exponent, |groups| sum(&waveform, groups, &options(1e-3)).unwrap());
         let [error, _] = paths.error(&wide(sum.unwrap().samples), &exact);
         assert!(error < 1e-3, "{exponent}: {error:e}");
         let [error, _] = paths.error(&paths.exact(&waveform, 0), &exact);

@@ -26,7 +26,7 @@ use crate::synthesis::doppler_nufft::plan::{DopplerPlan, kernel_error};
 use crate::synthesis::doppler_nufft::points::{ComputePoints, Measured, Points};
 use crate::synthesis::doppler_nufft::slow_time::SlowTime;
 use crate::synthesis::doppler_nufft::spread::SpreadPoints;
-use crate::synthesis::report::{ErrorBound, Options, Prepared, Report, Samples, Sum};
+use crate::synthesis::report::{ErrorBound, Options, Report, Samples, Sum};
 use crate::synthesis::source::{Fill, PathGroup, Request, Shape};
 
 /// Channels that share the cosines of slow time, and whose spectra are held at the same time.
@@ -46,50 +46,35 @@ struct DopplerSum<'a> {
     num_parts: usize,
     /// Power of two that all amplitudes are multiplied by.
     scale: f64,
-    report: Report,
 }
 
-/// Plan the sum of groups of paths at constant rates, which do not depend on frequency: at least one, of equal numbers of
-/// channels. The error is infinite if the paths are too fast for a velocity axis.
-pub fn prepare<'a>(
-    waveform: &'a Waveform,
-    groups: &'a [PathGroup<'a>],
-    options: &'a Options<'a>,
-) -> Result<Prepared<'a>> {
+/// Sum over groups of paths at constant rates, which do not depend on frequency: at least one, of equal numbers of
+/// channels. None if no plan is known to keep the tolerance, as for paths that are too fast for a velocity axis.
+pub fn sum(waveform: &Waveform, groups: &[PathGroup], options: &Options) -> Result<Option<Sum>> {
     let shapes: Vec<Shape> = groups.iter().map(|group| group.source.shape()).collect();
     // The interval of time is the same for all groups.
     let block = Block::new(waveform, &shapes[0], 0..waveform.chirp_times.len());
-    let scales = groups.iter().map(|group| group.source.scale());
     let ranges = scan::delay_ranges(waveform, groups, options)?;
-    let num_paths = shapes.iter().map(|shape| shape.paths).sum();
+    let (num_channels, num_paths) = (shapes[0].channels, shapes.iter().map(|shape| shape.paths).sum());
     let plan = DopplerPlan::new(waveform, &block, ranges.as_ref(), num_paths, options);
-    let mut report = Report {
-        num_blocks: 1,
-        longest: ranges
-            .as_ref()
-            .map_or(0.0, |ranges| ranges.as_flattened().iter().map(|x| x.abs()).sum()),
-        is_single: plan.is_single,
-        width: plan.width,
-        num_grids: plan.num_terms(),
-        num_rows: plan.moving.map_or(0, |moving| moving.rows),
-        error: plan.error,
-        ..Report::new("range-Doppler NUFFT", groups)
-    };
-    let num_channels = shapes[0].channels;
-    let layout = Layout::new(waveform.num_samples, plan.width, report.num_rows.max(1));
-    let bytes = if plan.is_single { 4 } else { 8 };
+    let is_enough = plan.error.with_gain(options.known.gain) <= options.tolerance;
+    if !is_enough {
+        return Ok(None);
+    }
     let num_parts = if num_channels < MAX_CHANNELS {
         (num_paths.div_ceil(CHUNK) / CHUNKS_OF_PART).clamp(1, MAX_PARTS)
     } else {
         1
     };
+    let (bytes, num_rows) = (
+        if plan.is_single { 4 } else { 8 },
+        plan.moving.map_or(0, |moving| moving.rows),
+    );
+    let layout = Layout::new(waveform.num_samples, plan.width, num_rows.max(1));
     let num_spectra = num_channels.min(MAX_CHANNELS);
     let num_grids = num_spectra * (num_parts + 1);
-    let numbers = num_grids * layout.size() + num_spectra * layout.rows * 2 * layout.padded();
-    report.memory = plan.num_terms() * numbers * bytes + num_grids * CellSums::MEMORY;
-    if plan.error.truncation.is_finite() {
-        fits_memory("grid", &[num_grids, plan.num_terms(), layout.size()], bytes)?;
-    }
+    fits_memory("grid", &[num_grids, plan.num_terms(), layout.size()], bytes)?;
+    let scales = groups.iter().map(|group| group.source.scale());
     let sum = DopplerSum {
         groups,
         options,
@@ -97,52 +82,53 @@ pub fn prepare<'a>(
         plan,
         num_parts,
         scale: scales.fold(f64::INFINITY, f64::min),
-        report: report.clone(),
     };
-    Ok(Prepared {
-        report,
-        run: Box::new(move || sum.run()),
-    })
+    let plan = &sum.plan;
+    let (samples, measured) = if plan.is_single {
+        sum.samples::<f32>()?
+    } else {
+        sum.samples::<f64>()?
+    };
+    let most = |of: &dyn Fn(&Measured) -> f64| measured.iter().map(of).fold(0.0, f64::max);
+    let share = |channel: &Measured| (channel.strongest / channel.power.max(f64::MIN_POSITIVE)).min(1.0);
+    let energy = most(&|channel| channel.cells.energy(share(channel)));
+    let load = most(&|channel| channel.cells.population()) * energy;
+    let kernel = (plan.is_single, plan.width);
+    let numbers = num_grids * layout.size() + num_spectra * layout.rows * 2 * layout.padded();
+    let longest_moving = ranges.map_or(0.0, |ranges| ranges.as_flattened().iter().map(|x| x.abs()).sum());
+    let back = sum.scale.recip();
+    Ok(Some(Sum {
+        samples,
+        power: measured.iter().map(|channel| channel.power * back * back).collect(),
+        coherence: energy.sqrt(),
+        report: Report {
+            num_blocks: 1,
+            longest: most(&|channel| channel.longest).max(longest_moving),
+            is_single: plan.is_single,
+            width: plan.width,
+            num_grids: plan.num_terms(),
+            num_rows,
+            memory: plan.num_terms() * numbers * bytes + num_grids * CellSums::MEMORY,
+            error: ErrorBound {
+                truncation: plan.error.truncation,
+                strongest: most(&share),
+                num_weak: num_paths.saturating_sub(1) as f64,
+                ..kernel_error(waveform, kernel, plan.moving.is_some(), [energy, load])
+            },
+            ..Report::new("range-Doppler NUFFT", groups)
+        },
+    }))
 }
 
 impl DopplerSum<'_> {
-    /// Form the sum.
-    fn run(mut self) -> Result<Sum> {
-        let plan = &self.plan;
-        let (samples, measured) = if plan.is_single {
-            self.sum::<f32>()?
-        } else {
-            self.sum::<f64>()?
-        };
-        let most = |of: &dyn Fn(&Measured) -> f64| measured.iter().map(of).fold(0.0, f64::max);
-        let share = |channel: &Measured| (channel.strongest / channel.power.max(f64::MIN_POSITIVE)).min(1.0);
-        let energy = most(&|channel| channel.cells.energy(share(channel)));
-        let load = most(&|channel| channel.cells.population()) * energy;
-        self.report.longest = most(&|channel| channel.longest).max(self.report.longest);
-        let kernel = (plan.is_single, plan.width);
-        self.report.error = ErrorBound {
-            truncation: plan.error.truncation,
-            strongest: most(&share),
-            num_weak: (self.report.num_paths / measured.len()).saturating_sub(1) as f64,
-            ..kernel_error(plan.waveform, kernel, plan.moving.is_some(), [energy, load])
-        };
-        let back = self.scale.recip();
-        Ok(Sum {
-            samples,
-            power: measured.iter().map(|channel| channel.power * back * back).collect(),
-            coherence: energy.sqrt(),
-            report: self.report,
-        })
-    }
-
-    /// Sum in the precision of the plan, and what is measured of every channel.
-    fn sum<T: Fill>(&self) -> Result<(Samples, Vec<Measured>)> {
+    /// Samples in the precision of the plan, and what is measured of every channel.
+    fn samples<T: Fill>(&self) -> Result<(Samples, Vec<Measured>)> {
         let (plan, is_parallel) = (&self.plan, self.options.is_parallel);
         let num_samples = plan.waveform.num_samples;
         let size = plan.waveform.chirp_times.len() * num_samples;
         let zero = Complex::new(T::zero(), T::zero());
         let mut samples = vec![zero; self.groups[0].source.shape().channels * size];
-        let has_static = self.report.num_static > 0;
+        let has_static = self.groups.iter().any(|group| group.source.shape().is_static());
         let static_grid = has_static.then(|| Grid::<T>::new(Layout::new(num_samples, plan.width, 1)));
         let moving = plan.moving.as_ref().map(|moving| {
             let grid = Grid::<T>::new(Layout::new(num_samples, plan.width, moving.rows));
