@@ -5,7 +5,7 @@ use std::ops::Range;
 use num_complex::Complex64;
 
 use crate::error::Error;
-use crate::numeric::simd::{Isa, Kernel, Precision};
+use crate::numeric::simd::Precision;
 use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::source::{PathSource, Request, Shape};
@@ -49,13 +49,41 @@ impl<'a> ArrayPaths<'a> {
         vec![numbers(true), numbers(false)]
     }
 
+    /// Fill a chunk, with some rows of amplitudes.
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn fill<T: Precision>(&self, request: &Request, chunk: &mut Chunk<T>, num_amplitudes: usize) {
-        request.level.run(FillFromArrays {
-            paths: self,
-            request,
-            num_amplitudes,
-            chunk,
-        });
+        let (arrays, shape, places) = (self.arrays, self.shape(), &request.paths);
+        let numbers = self.numbers.as_ref().map(|numbers| &numbers[places.clone()]);
+        let are_values = arrays.basis == Basis::Chebyshev;
+        chunk.num_paths = places.len();
+        for (at, channel) in request.channels.clone().enumerate() {
+            let first = channel * arrays.num_paths;
+            let rows = &mut chunk.delay[at * shape.delay_rows..][..shape.delay_rows];
+            for j in 0..shape.delay_rows {
+                let from = &arrays.delay[j][first..][..arrays.num_paths];
+                copy(from, places, numbers, &mut rows[j]);
+                let last = rows[j][places.len() - 1];
+                rows[j][places.len()..].fill(last);
+                if j > 0 && are_values {
+                    for i in 0..CHUNK {
+                        rows[j][i] -= rows[0][i];
+                    }
+                }
+            }
+            for j in 0..num_amplitudes {
+                let [from, start] = [j, 0].map(|j| &arrays.amplitude[j][first..][..arrays.num_paths]);
+                let at = at * shape.amplitude_rows + j;
+                let (re, im) = (&mut chunk.re[at], &mut chunk.im[at]);
+                for i in 0..places.len().min(CHUNK) {
+                    let path = numbers.map_or(places.start + i, |numbers| numbers[i] as usize);
+                    let less = if j == 0 { Complex64::ZERO } else { start[path] };
+                    re[i] = T::of((from[path].re - less.re) * request.scale);
+                    im[i] = T::of((from[path].im - less.im) * request.scale);
+                }
+                re[places.len()..].fill(T::zero());
+                im[places.len()..].fill(T::zero());
+            }
+        }
     }
 }
 
@@ -81,15 +109,26 @@ impl PathSource for ArrayPaths<'_> {
     }
 
     fn fill_single(&self, request: &Request, chunk: &mut Chunk<f32>) {
-        self.fill(request, chunk, self.shape().amplitude_rows);
+        let num_amplitudes = self.shape().amplitude_rows;
+        request.level.run_loops(
+            #[inline(always)]
+            || self.fill(request, chunk, num_amplitudes),
+        );
     }
 
     fn fill_double(&self, request: &Request, chunk: &mut Chunk<f64>) {
-        self.fill(request, chunk, self.shape().amplitude_rows);
+        let num_amplitudes = self.shape().amplitude_rows;
+        request.level.run_loops(
+            #[inline(always)]
+            || self.fill(request, chunk, num_amplitudes),
+        );
     }
 
     fn fill_delays(&self, request: &Request, chunk: &mut Chunk<f64>) {
-        self.fill(request, chunk, 0);
+        request.level.run_loops(
+            #[inline(always)]
+            || self.fill(request, chunk, 0),
+        );
     }
 
     fn not_finite(&self) -> Error {
@@ -152,61 +191,6 @@ fn mark<N>(moves: &mut [bool], row: &[N], first: &[N], changes: impl Fn(&N, &N) 
     for (row, first) in row.chunks(num_paths).zip(first.chunks(num_paths)) {
         for (moves, (value, first)) in moves.iter_mut().zip(row.iter().zip(first)) {
             *moves |= changes(value, first);
-        }
-    }
-}
-
-/// Filling of a chunk with paths of arrays.
-struct FillFromArrays<'a, T> {
-    paths: &'a ArrayPaths<'a>,
-    request: &'a Request,
-    /// Rows of amplitudes to fill.
-    num_amplitudes: usize,
-    chunk: &'a mut Chunk<T>,
-}
-
-impl<T: Precision> Kernel for FillFromArrays<'_, T> {
-    type Output = ();
-
-    #[cfg_attr(optimised, inline(always))]
-    fn run<I: Isa>(self) {
-        let Request {
-            channels,
-            paths: places,
-            scale,
-            ..
-        } = self.request;
-        let (arrays, shape, chunk) = (self.paths.arrays, self.paths.shape(), self.chunk);
-        let numbers = self.paths.numbers.as_ref().map(|numbers| &numbers[places.clone()]);
-        let are_values = arrays.basis == Basis::Chebyshev;
-        chunk.num_paths = places.len();
-        for (at, channel) in channels.clone().enumerate() {
-            let first = channel * arrays.num_paths;
-            let rows = &mut chunk.delay[at * shape.delay_rows..][..shape.delay_rows];
-            for j in 0..shape.delay_rows {
-                let from = &arrays.delay[j][first..][..arrays.num_paths];
-                copy(from, places, numbers, &mut rows[j]);
-                let last = rows[j][places.len() - 1];
-                rows[j][places.len()..].fill(last);
-                if j > 0 && are_values {
-                    for i in 0..CHUNK {
-                        rows[j][i] -= rows[0][i];
-                    }
-                }
-            }
-            for j in 0..self.num_amplitudes {
-                let [from, start] = [j, 0].map(|j| &arrays.amplitude[j][first..][..arrays.num_paths]);
-                let at = at * shape.amplitude_rows + j;
-                let (re, im) = (&mut chunk.re[at], &mut chunk.im[at]);
-                for i in 0..places.len().min(CHUNK) {
-                    let path = numbers.map_or(places.start + i, |numbers| numbers[i] as usize);
-                    let less = if j == 0 { Complex64::ZERO } else { start[path] };
-                    re[i] = T::of((from[path].re - less.re) * scale);
-                    im[i] = T::of((from[path].im - less.im) * scale);
-                }
-                re[places.len()..].fill(T::zero());
-                im[places.len()..].fill(T::zero());
-            }
         }
     }
 }

@@ -61,7 +61,7 @@ impl PathSeries<'_> {
     pub fn check_numbers(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;
         for (j, row) in self.delay.iter().enumerate() {
-            if let Some(bad) = first_bad(row, |x| !x.is_finite()) {
+            if let Some(bad) = row.iter().position(|x| !x.is_finite()) {
                 let (name, index) = match self.basis {
                     Basis::Taylor => (["delay", "delay_rate", "delay_acceleration"][j], bad),
                     Basis::Chebyshev => ("delay", j * plane + bad),
@@ -71,23 +71,13 @@ impl PathSeries<'_> {
             }
         }
         for (j, row) in self.amplitude.iter().enumerate() {
-            if let Some(bad) = first_bad(row, |a| !a.re.is_finite() | !a.im.is_finite()) {
+            if let Some(bad) = row.iter().position(|a| !a.is_finite()) {
                 let got = format!("{} at flat index {}", row[bad], j * plane + bad);
                 return Err(Error::value("amplitude", "finite numbers", got));
             }
         }
         Ok(())
     }
-}
-
-/// Index of the first bad number, found at the speed of memory: no branch per number.
-fn first_bad<T>(numbers: &[T], is_bad: impl Fn(&T) -> bool) -> Option<usize> {
-    const RUN: usize = 256;
-    let run = numbers
-        .chunks(RUN)
-        .position(|run| run.iter().fold(false, |bad, x| bad | is_bad(x)))?;
-    let inside = numbers[run * RUN..].iter().position(is_bad)?;
-    Some(run * RUN + inside)
 }
 
 /// Values of the basis functions at time `t` [s] after the start of the frame, `terms` of them into `out`.

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use fearless_simd::Level as Set;
 
 use super::lanes::run;
-use super::vector::Kernel;
+use super::vector::{Isa, Kernel};
 use crate::error::{Error, Result};
 
 /// Environment variable that names the highest level of the process, see [`Level::available`].
@@ -72,6 +72,11 @@ impl Level {
         }
     }
 
+    /// Run loops over arrays, which the compiler vectorises, compiled for this level: a closure that is inlined.
+    pub fn run_loops<R>(self, work: impl FnOnce() -> R) -> R {
+        self.run(Loops(work))
+    }
+
     /// Run a kernel compiled for this level.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
@@ -85,6 +90,18 @@ impl Level {
             Set::Neon(token) => run(token, kernel),
             _ => unreachable!("`available` gives no others"),
         }
+    }
+}
+
+/// Code that names no vectors.
+struct Loops<F>(F);
+
+impl<R, F: FnOnce() -> R> Kernel for Loops<F> {
+    type Output = R;
+
+    #[cfg_attr(optimised, inline(always))]
+    fn run<I: Isa>(self) -> R {
+        (self.0)()
     }
 }
 

@@ -5,7 +5,6 @@ use std::array::from_fn;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::numeric::parallel;
-use crate::numeric::simd::{Isa, Kernel, Vector};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane};
 use crate::synthesis::report::Options;
@@ -41,8 +40,10 @@ pub fn delay_ranges(waveform: &Waveform, groups: &[PathGroup], options: &Options
                     level: options.level,
                 };
                 group.source.fill_delays(&request, &mut chunk);
-                let rows = [&chunk.delay[0], &chunk.delay[1]];
-                let found = options.level.run(Bounds { rows, block: &block });
+                let found = options.level.run_loops(
+                    #[inline(always)]
+                    || self::bounds(&chunk.delay, &block),
+                );
                 bounds = from_fn(|k| bounds[k].max(found[k]));
             }
             bounds
@@ -60,35 +61,21 @@ pub fn delay_ranges(waveform: &Waveform, groups: &[PathGroup], options: &Options
     Ok(ranges)
 }
 
-/// Kernel that finds the largest `c_0`, `-c_0`, `c_1` and `-c_1` of a chunk.
-struct Bounds<'a> {
-    rows: [&'a Lane<f64>; 2],
-    block: &'a Block,
-}
-
-impl Kernel for Bounds<'_> {
-    type Output = [f64; 4];
-
-    #[cfg_attr(optimised, inline(always))] // see `Kernel`
-    fn run<I: Isa>(self) -> [f64; 4] {
-        let (splat, load) = (<I::F64 as Vector>::splat, <I::F64 as Vector>::load);
-        let weights = [splat(self.block.delay[0][1]), splat(self.block.delay[1][1])];
-        let mut largest = [splat(f64::NEG_INFINITY); 4];
-        // Lanes after the last path have its delay.
-        for at in (0..CHUNK).step_by(8) {
-            let row = load(&self.rows[1][at..]);
-            let first = row.mul_add(weights[0], load(&self.rows[0][at..]));
-            let second = row.mul(weights[1]);
-            let numbers = [first, splat(0.0).sub(first), second, splat(0.0).sub(second)];
+/// The largest `c_0`, `-c_0`, `c_1` and `-c_1` of a chunk; lanes after its last path have the delay of that. NaN is left
+/// out.
+#[cfg_attr(optimised, inline(always))] // part of a kernel
+fn bounds(rows: &[Lane<f64>], block: &Block) -> [f64; 4] {
+    const AT_ONCE: usize = 8;
+    let mut largest = [[f64::NEG_INFINITY; AT_ONCE]; 4];
+    for at in (0..CHUNK).step_by(AT_ONCE) {
+        for i in 0..AT_ONCE {
+            let first = rows[0][at + i] + rows[1][at + i] * block.delay[0][1];
+            let second = rows[1][at + i] * block.delay[1][1];
+            let numbers = [first, -first, second, -second];
             for k in 0..4 {
-                // NaN is left out.
-                largest[k] = numbers[k].max(largest[k]);
+                largest[k][i] = largest[k][i].max(numbers[k]);
             }
         }
-        let mut bounds = [0.0; 4];
-        for k in 0..4 {
-            bounds[k] = largest[k].largest();
-        }
-        bounds
     }
+    largest.map(|lanes| lanes.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
