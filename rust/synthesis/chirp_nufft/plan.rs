@@ -329,12 +329,10 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         }
     }
 
-    /// Tables of every group of chirps for the blocks of a group of paths; none where these are static.
+    /// Tables of every group of chirps for the blocks of a group of paths; of one for static paths.
     pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes, degrees: &[usize]) -> Vec<LaneTables<T>> {
-        if group.is_static {
-            return Vec::new();
-        }
-        let (num_groups, num_blocks) = (self.num_lane_groups(), group.blocks.len());
+        let num_groups = if group.is_static { 1 } else { self.num_lane_groups() };
+        let num_blocks = group.blocks.len();
         let counts = group.batches[0][0].counts;
         let tables = |number: usize| {
             let block = &group.blocks[block_of(number, num_groups, num_blocks)];

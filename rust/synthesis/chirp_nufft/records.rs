@@ -9,7 +9,7 @@ use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, Number};
 use crate::numeric::simd::{Isa, Kernel, Level, Real, Vector};
 use crate::numeric::trig::angle;
 use crate::numeric::wide::{self, Wide, mul, narrow, neg_mul_add, number, sub};
-use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane, expand};
+use crate::synthesis::chunk::{Block, CHUNK, Chunk, expand};
 use crate::synthesis::source::{PathSource, Request, Shape};
 
 /// Shares of the tolerance below which coefficients do not count: of delays [turns], and of amplitudes relative to them.
@@ -185,14 +185,6 @@ pub struct Build<'a, T> {
     pub number: PhantomData<T>,
 }
 
-/// Coefficients of paths of a channel over a block, by degree: delays [s], parts of amplitudes times a scale.
-struct Coefficients<T> {
-    num_paths: usize,
-    delay: Vec<Lane<f64>>,
-    re: Vec<Lane<T>>,
-    im: Vec<Lane<T>>,
-}
-
 /// Sizes of the coefficients of a vector of paths in a block, with the part that their records leave out.
 struct Sizes<V> {
     /// Coefficients of the delay after the constant one, and those beyond records [turns].
@@ -250,12 +242,8 @@ impl<T: Number> Kernel for Build<'_, T> {
             batches.push(batch);
         }
         let mut chunk = Chunk::<T>::new(&shape, self.channels.len());
-        let mut coefficients = Coefficients {
-            num_paths: 0,
-            delay: vec![[0.0; CHUNK]; delay_rows],
-            re: vec![[T::zero(); CHUNK]; amplitude_rows],
-            im: vec![[T::zero(); CHUNK]; amplitude_rows],
-        };
+        // By degree in place of rows.
+        let mut coefficients = Chunk::<T>::new(&shape, 1);
         let num_chirps = self.fast_time.waveform.chirp_times.len() as f64;
         for index in self.chunks.clone() {
             let request = Request {
@@ -292,7 +280,7 @@ impl<T: Number> Build<'_, T> {
     #[cfg_attr(optimised, inline(always))]
     fn add<I: Isa, const P: usize>(
         &self,
-        paths: &Coefficients<T>,
+        paths: &Chunk<T>,
         orders: &[Orders],
         number: usize,
         batch: &mut Batch<T>,
@@ -321,7 +309,7 @@ impl<T: Number> Build<'_, T> {
     #[cfg_attr(optimised, inline(always))]
     fn put<I: Isa, const P: usize>(
         &self,
-        paths: &Coefficients<T>,
+        paths: &Chunk<T>,
         at: usize,
         ([num_turns, num_amplitudes], record): ([usize; 2], &mut [LaneRow<T>]),
         orders: &[Orders],
@@ -516,7 +504,7 @@ fn small_ones<T: Number, I: Isa>(rows: &[LaneRow<T>], lane: usize, least: T::In<
 
 /// Directions of the conjugates of the first coefficients of amplitudes, and their arguments [turns].
 #[cfg_attr(optimised, inline(always))]
-fn direction<T: Number, I: Isa>(paths: &Coefficients<T>, at: usize) -> ([T::In<I>; 2], T::In<I>) {
+fn direction<T: Number, I: Isa>(paths: &Chunk<T>, at: usize) -> ([T::In<I>; 2], T::In<I>) {
     let zero = number::<T, I>(0.0);
     let (x, y) = (
         <T::In<I>>::load(&paths.re[0][at..]),

@@ -1,4 +1,4 @@
-//! Spreading of paths over the cells of range grids: of one path in the chirps of all lanes, and of static paths.
+//! Spreading of paths over the cells of range grids: of one path in the chirps of all lanes.
 //!
 //! Within a chirp a path is a tone times a polynomial of fast time, known by its values at a few nodes. Every Legendre
 //! polynomial that counts has a grid of its own, for the sum of the strengths that paths have in it.
@@ -114,7 +114,8 @@ pub struct Steps {
 
 /// Spreading of paths by a kernel.
 pub struct Spreading<'a, T> {
-    fast_time: &'a FastTime<'a>,
+    /// Constants of the frame.
+    pub fast_time: &'a FastTime<'a>,
     /// Width of the kernel [cells].
     pub width: usize,
     taps: Taps<T>,
@@ -162,58 +163,38 @@ impl<'a, T: Number> Spreading<'a, T> {
         self.degrees.iter().map(of_degree).collect()
     }
 
-    /// Add paths of a block to grids: static ones where there are no tables of chirps.
+    /// Add the paths of a block to grids.
     #[cfg_attr(optimised, inline(always))]
-    pub fn add<I: Isa>(&self, batch: &Batch<T>, block: usize, tables: Option<&LaneTables<T>>, grids: &mut [Vec<T>]) {
+    pub fn add<I: Isa>(&self, batch: &Batch<T>, block: usize, tables: &LaneTables<T>, grids: &mut [Vec<T>]) {
         let zero = number::<T, I>(0.0);
         let mut places = [zero; MAX_LANES];
         let mut strengths = [[[zero; 2]; MAX_LANES]; MAX_DEGREE + 1];
         let strengths = &mut strengths[..grids.len()];
         for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
+            let counts = (batch.counts, batch.used[block][number]);
             let record = (record, batch.paths_of(number));
             // Two loops, as a processor looks ahead over few paths.
-            if let Some(tables) = tables {
-                let counts = (batch.counts, batch.used[block][number]);
-                match if self.is_first_order { 0 } else { self.times.len() } {
-                    0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
-                    2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
-                    3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
-                    5 => self.compute::<I, 5>(counts, record, tables, &mut places, strengths),
-                    9 => self.compute::<I, 9>(counts, record, tables, &mut places, strengths),
-                    _ => unreachable!("numbers of nodes are these"),
-                }
+            match if self.is_first_order { 0 } else { self.times.len() } {
+                0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
+                2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
+                3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
+                5 => self.compute::<I, 5>(counts, record, tables, &mut places, strengths),
+                9 => self.compute::<I, 9>(counts, record, tables, &mut places, strengths),
+                _ => unreachable!("numbers of nodes are these"),
             }
-            let moving = tables.map(|_| &places);
             match (size_of::<T>(), self.width) {
-                (4, 4) => self.add_record::<I, 4>(record, moving, strengths, grids),
-                (4, 6) => self.add_record::<I, 6>(record, moving, strengths, grids),
-                (_, 8) => self.add_record::<I, 8>(record, moving, strengths, grids),
-                (8, 10) => self.add_record::<I, 10>(record, moving, strengths, grids),
-                (8, 12) => self.add_record::<I, 12>(record, moving, strengths, grids),
-                (8, 14) => self.add_record::<I, 14>(record, moving, strengths, grids),
+                (4, 4) => self.add_record::<I, 4>(record, &places, strengths, grids),
+                (4, 6) => self.add_record::<I, 6>(record, &places, strengths, grids),
+                (_, 8) => self.add_record::<I, 8>(record, &places, strengths, grids),
+                (8, 10) => self.add_record::<I, 10>(record, &places, strengths, grids),
+                (8, 12) => self.add_record::<I, 12>(record, &places, strengths, grids),
+                (8, 14) => self.add_record::<I, 14>(record, &places, strengths, grids),
                 _ => unreachable!("widths of the precision"),
             }
         }
     }
 
-    /// Add the paths of a record by a kernel of `W` cells: moving ones with their places and strengths, or static ones.
-    #[cfg_attr(optimised, inline(always))]
-    fn add_record<I: Isa, const W: usize>(
-        &self,
-        (record, num_paths): (&[LaneRow<T>], usize),
-        places: Option<&[T::In<I>; MAX_LANES]>,
-        strengths: &[Strengths<T::In<I>>],
-        grids: &mut [Vec<T>],
-    ) {
-        let Some(places) = places else {
-            return self.add_static::<I, W>((record, num_paths), &mut grids[0]);
-        };
-        for path in 0..num_paths.min(MAX_LANES) {
-            self.add_moving::<I, W>(record[CELL][path], (path, places[path]), strengths, grids);
-        }
-    }
-
-    /// Compute places on the grids [cells after the path's], and strengths, of the moving paths of a record in the
+    /// Compute places on the grids [cells after the path's], and strengths, of the paths of a record in the
     /// chirps of all lanes; with `N` nodes, or none for the first order.
     #[cfg_attr(optimised, inline(always))]
     fn compute<I: Isa, const N: usize>(
@@ -313,9 +294,23 @@ impl<'a, T: Number> Spreading<'a, T> {
         slope.mul_add(number::<T, I>(self.fast_time.cells_per_turn), offset)
     }
 
+    /// Add the paths of a record to the cells of the grids about their places, by a kernel of `W` cells.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_record<I: Isa, const W: usize>(
+        &self,
+        (record, num_paths): (&[LaneRow<T>], usize),
+        places: &[T::In<I>; MAX_LANES],
+        strengths: &[Strengths<T::In<I>>],
+        grids: &mut [Vec<T>],
+    ) {
+        for path in 0..num_paths.min(MAX_LANES) {
+            self.add_path::<I, W>(record[CELL][path], (path, places[path]), strengths, grids);
+        }
+    }
+
     /// Add a path to the cells of the grids about its places.
     #[cfg_attr(optimised, inline(always))]
-    fn add_moving<I: Isa, const W: usize>(
+    fn add_path<I: Isa, const W: usize>(
         &self,
         cell: T,
         (path, place): (usize, T::In<I>),
@@ -352,37 +347,6 @@ impl<'a, T: Number> Spreading<'a, T> {
             let mut firsts = [T::zero(); MAX_LANES];
             first.store(&mut firsts);
             lowest = firsts[rest.trailing_zeros() as usize % T::LANES];
-        }
-    }
-
-    /// Add the static paths of a record to a grid of one chirp, `(cell, part)`.
-    #[cfg_attr(optimised, inline(always))]
-    fn add_static<I: Isa, const W: usize>(&self, (record, num_paths): (&[LaneRow<T>], usize), grid: &mut [T]) {
-        let (magic, start) = (<T::In<I>>::splat(T::ROUND), number::<T, I>(-0.5 * (W as f64 - 1.0)));
-        let none = [T::zero(); MAX_LANES];
-        for at in (0..num_paths).step_by(T::LANES) {
-            let load = |row: usize| <T::In<I>>::load(&record[row][at..]);
-            let [c, s] = cos_sin::<T, I>(load(PHASE));
-            let size = load(HEAD);
-            let place = load(OFFSET).add(start);
-            let first = place.add(magic).sub(magic);
-            let offset = first.sub(place);
-            let values = self.taps.values::<T::In<I>, W>(offset.add(offset));
-            let (mut firsts, mut re, mut im) = (none, none, none);
-            first.store(&mut firsts);
-            c.mul(size).store(&mut re);
-            s.mul(size).store(&mut im);
-            let mut taps = [none; W];
-            for j in 0..W {
-                values[j].store(&mut taps[j]);
-            }
-            for lane in 0..T::LANES.min(num_paths - at) {
-                let window = &mut grid[2 * self.cell(record[CELL][at + lane], firsts[lane])..][..2 * W];
-                for j in 0..W {
-                    window[2 * j] = window[2 * j] + taps[j][lane] * re[lane];
-                    window[2 * j + 1] = window[2 * j + 1] + taps[j][lane] * im[lane];
-                }
-            }
         }
     }
 
