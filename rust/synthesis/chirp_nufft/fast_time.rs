@@ -51,18 +51,15 @@ impl<'a> FastTime<'a> {
         (0..num_samples).map(move |sample| legendre((sample as f64 - (num_samples / 2) as f64) / longest))
     }
 
-    /// Sizes of the Legendre polynomials in powers of fast time (power, degree), root mean squares over the samples.
-    pub fn powers(&self) -> [[f64; MAX_ORDERS]; MAX_ORDERS] {
+    /// Root mean squares of the Legendre polynomials over the samples.
+    pub fn sizes(&self) -> [f64; MAX_ORDERS] {
         let mut squares = [0.0; MAX_ORDERS];
         for values in self.polynomials() {
             for n in 0..MAX_ORDERS {
                 squares[n] += values[n] * values[n] / self.waveform.num_samples as f64;
             }
         }
-        let nodes = Nodes::new(MAX_ORDERS - 1);
-        let power = |m: usize, j: usize| (0..m).map(|_| nodes.times[j]).product::<f64>();
-        let size = |m: usize, n: usize| nodes.coefficient(n, |j| power(m, j)).abs() * squares[n].sqrt();
-        std::array::from_fn(|m| std::array::from_fn(|n| size(m, n)))
+        squares.map(f64::sqrt)
     }
 
     /// The first Chebyshev polynomials (degree, node) of the time of a block at the nodes of a chirp.
@@ -145,7 +142,6 @@ impl<'a> FastTime<'a> {
     /// Orders of fast time of the first Chebyshev polynomials of a block.
     pub fn orders<T: Number>(&self, block: &Block, number: usize) -> Vec<Orders> {
         let nodes = Nodes::new(T::DEGREE + 3);
-        let highest = highest_coefficients();
         let mut orders = vec![Orders::default(); number];
         // Chebyshev polynomials change most at both ends.
         for chirp in [block.chirps.start, block.chirps.end - 1] {
@@ -154,12 +150,12 @@ impl<'a> FastTime<'a> {
                 let phase = |j: usize| (1.0 + self.ratio * nodes.times[j]) * values[j];
                 for n in 1..=T::DEGREE + 2 {
                     let amplitude = nodes.coefficient(n, |j| values[j]);
-                    let mut phase_order = nodes.coefficient(n, phase);
+                    let mut turns = nodes.coefficient(n, phase);
                     if n == 1 {
-                        phase_order = amplitude - phase_order + self.ratio / highest[1] * nodes.coefficient(0, phase);
+                        turns = amplitude - turns + self.ratio / 3.0_f64.sqrt() * nodes.coefficient(0, phase);
                     }
-                    orders.phase[n] = orders.phase[n].max(2.0 * PI * highest[n] * phase_order.abs());
-                    orders.amplitude[n] = orders.amplitude[n].max(highest[n] * amplitude.abs());
+                    orders.phase[n] = orders.phase[n].max(2.0 * PI * turns.abs());
+                    orders.amplitude[n] = orders.amplitude[n].max(amplitude.abs());
                 }
             }
         }
@@ -168,7 +164,7 @@ impl<'a> FastTime<'a> {
 }
 
 /// Orders of fast time within a chirp of a Chebyshev polynomial, the largest of all chirps: coefficients of Legendre
-/// polynomials whose highest coefficients are one.
+/// polynomials.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Orders {
     /// Phase but for the tone, of a delay of one turn [rad]. The first order comes from the delay, and counts by the
@@ -244,13 +240,4 @@ fn legendre(u: f64) -> [f64; MAX_ORDERS] {
         values[n] = ((2 * n - 1) as f64 * u * values[n - 1] - (n - 1) as f64 * values[n - 2]) / n as f64;
     }
     std::array::from_fn(|n| ((2 * n + 1) as f64).sqrt() * values[n])
-}
-
-/// Highest coefficients of [`legendre`].
-fn highest_coefficients() -> [f64; MAX_ORDERS] {
-    let mut highest = [1.0; MAX_ORDERS];
-    for n in 1..MAX_ORDERS {
-        highest[n] = highest[n - 1] * (2 * n - 1) as f64 / n as f64;
-    }
-    std::array::from_fn(|n| ((2 * n + 1) as f64).sqrt() * highest[n])
 }

@@ -10,7 +10,7 @@ use super::spread::Spreading;
 use crate::cancel::Cancel;
 use crate::numeric::fft::{self, twiddles};
 use crate::numeric::parallel;
-use crate::numeric::simd::{Isa, Kernel, Real, Vector};
+use crate::numeric::simd::{Isa, Kernel, Real};
 
 /// Paths whose samples have a common factor over fast time.
 struct Layer<'a, T> {

@@ -69,8 +69,8 @@ pub struct RecordGroup<T> {
 pub struct ChirpPlan<'a, T> {
     /// Constants of the frame.
     pub fast_time: FastTime<'a>,
-    /// See [`FastTime::powers`].
-    powers: [[f64; MAX_ORDERS]; MAX_ORDERS],
+    /// See [`FastTime::sizes`].
+    sizes: [f64; MAX_ORDERS],
     /// Options of the sum.
     pub options: &'a Options<'a>,
     /// Groups of paths.
@@ -94,7 +94,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     pub fn new(waveform: &'a Waveform, groups: &[PathGroup], options: &'a Options<'a>) -> Result<Self> {
         let fast_time = FastTime::new(waveform);
         let mut plan = Self {
-            powers: fast_time.powers(),
+            sizes: fast_time.sizes(),
             fast_time,
             options,
             groups: Vec::new(),
@@ -164,7 +164,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
                 self.options.cancel.map_or(Ok(()), Cancel::check)?;
                 let batches = self.options.level.run(Build {
                     fast_time: &self.fast_time,
-                    powers: &self.powers,
+                    sizes: &self.sizes,
                     source,
                     blocks: &blocks,
                     channels: channels.clone(),

@@ -22,6 +22,9 @@ const MAX_CARRIER_RATIO: f64 = 4.0;
 /// Phase within a chirp above which error bounds need not grow [rad].
 const MOST_TURNED: f64 = 4.0;
 
+/// Largest coefficient of a lower degree in a product of Legendre polynomials, relative to the factors.
+const LOWER_DEGREE: f64 = 2.0;
+
 /// Squared magnitude of scaled amplitudes that have no direction.
 const NO_AMPLITUDE: f64 = 1e-36;
 
@@ -172,8 +175,8 @@ impl Errors<f64> {
 /// Records of some chunks of paths of some channels.
 pub struct Build<'a, T> {
     pub fast_time: &'a FastTime<'a>,
-    /// See [`FastTime::powers`].
-    pub powers: &'a [[f64; MAX_ORDERS]; MAX_ORDERS],
+    /// See [`FastTime::sizes`].
+    pub sizes: &'a [f64; MAX_ORDERS],
     pub source: &'a dyn PathSource,
     /// Blocks of chirps, and the orders of fast time of Chebyshev polynomials in them.
     pub blocks: &'a [(Block, Vec<Orders>)],
@@ -390,8 +393,8 @@ impl<T: Number> Build<'_, T> {
             small,
             carrier_ratio,
         } = *sizes;
-        // Orders of the amplitude times exp(j phase): of the factors, and products, powers of fast time, which also
-        // have polynomials of lower degrees.
+        // Orders of the amplitude times exp(j phase): of the factors, and of products by their degree. A product of two
+        // polynomials has smaller coefficients of all degrees than both together, of three somewhat larger ones.
         let size = power.sqrt();
         let detuned = absolute(carrier_ratio.sub(number::<T, I>(1.0)));
         phase[1] = phase[1].mul(detuned);
@@ -405,10 +408,11 @@ impl<T: Number> Build<'_, T> {
             sums[n] = change[n].add(products[n]);
         }
         for n in 1..=T::DEGREE + 2 {
-            let mut sum = change[n].mul(number::<T, I>(self.powers[n][n]));
-            for m in (n..=T::DEGREE + 2).step_by(2) {
-                sum = products[m].mul_add(number::<T, I>(self.powers[m][n]), sum);
+            let mut sum = change[n].add(products[n]);
+            for m in (n + 2..=T::DEGREE + 2).step_by(2) {
+                sum = products[m].mul_add(number::<T, I>(LOWER_DEGREE), sum);
             }
+            let sum = sum.mul(number::<T, I>(self.sizes[n]));
             errors.orders[n] = sum.mul_add(sum, errors.orders[n]);
         }
         // Numbers that are not finite show in the sum.
@@ -417,7 +421,7 @@ impl<T: Number> Build<'_, T> {
         // Phases within a chirp turn tones by Taylor's series up to the seventh power.
         let mut turned = zero;
         for n in 2..=T::DEGREE + 2 {
-            turned = phase[n].mul_add(number::<T, I>(2.0 / 3.0), turned);
+            turned = phase[n].mul_add(number::<T, I>(((2 * n + 1) as f64).sqrt()), turned);
         }
         turned = turned.min(number::<T, I>(MOST_TURNED));
         for _ in 0..3 {
@@ -438,7 +442,9 @@ impl<T: Number> Build<'_, T> {
         let ramp = detuned.mul_add(number::<T, I>(self.fast_time.ratio.abs()), curved);
         let mut left = ramp.mul(drift).mul(size).mul(number::<T, I>(TAU));
         for n in 1..=T::DEGREE + 2 {
-            left = left.add(products[n]);
+            // Root mean square of a product of polynomials of half its degree.
+            let size = self.sizes[n] * ((n + 1) as f64).sqrt();
+            left = products[n].mul_add(number::<T, I>(size), left);
         }
         errors.products = left.mul_add(left, errors.products);
         let rounding = drift.mul(number::<T, I>(TAU)).mul(size);
