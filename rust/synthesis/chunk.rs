@@ -125,28 +125,27 @@ impl Block {
 
 /// Matrix (degree, row) from the rows of a source to its Chebyshev coefficients on `center - half ..= center + half`.
 fn block_matrix(waveform: &Waveform, basis: Basis, rows: usize, center: f64, half: f64) -> Vec<Vec<f64>> {
-    let to_coefficients = chebyshev_matrix(rows);
+    let to_coefficients: Vec<Vec<f64>> = chebyshev_matrix(rows)
+        .chunks(rows.max(1))
+        .map(<[f64]>::to_vec)
+        .collect();
     // Values of the frame's basis functions at the nodes of the block.
     let mut values = vec![vec![0.0; rows]; rows];
     for (x, of_node) in chebyshev_nodes(rows).into_iter().zip(&mut values) {
         basis_values(basis, waveform, center + half * x, of_node);
     }
-    (0..rows)
-        .map(|k| {
-            let per_function: Vec<f64> = (0..rows)
-                .map(|n| (0..rows).map(|j| to_coefficients[k * rows + j] * values[j][n]).sum())
-                .collect();
-            match basis {
-                Basis::Taylor => per_function,
-                Basis::Chebyshev => (0..rows)
-                    .map(|row| {
-                        (0..rows)
-                            .map(|n| per_function[n] * to_coefficients[n * rows + row])
-                            .sum()
-                    })
-                    .collect(),
-            }
-        })
+    let per_function = product(&to_coefficients, &values);
+    match basis {
+        Basis::Taylor => per_function,
+        Basis::Chebyshev => product(&per_function, &to_coefficients),
+    }
+}
+
+/// Product of square matrices.
+fn product(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let number = |row: &[f64], j: usize| row.iter().zip(b).map(|(x, b)| x * b[j]).sum();
+    a.iter()
+        .map(|row| (0..b.len()).map(|j| number(row, j)).collect())
         .collect()
 }
 

@@ -11,7 +11,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::numeric::parallel;
-use crate::numeric::simd::{Isa, Kernel, Level};
+use crate::numeric::simd::Level;
 use crate::numeric::trig::{cos_sin_turns, turns};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{CHUNK, Chunk};
@@ -45,13 +45,10 @@ pub fn sum(waveform: &Waveform, groups: &[PathGroup], options: &Options) -> Resu
     }
     let add = |channel: usize, chirp: usize, is_static: bool, samples: &mut [Complex64]| {
         for own in tones.iter().filter(|own| own[channel].shape.is_static() == is_static) {
-            options.level.run(AddTones {
-                waveform,
-                tones: &own[channel],
-                chirp,
-                cancel: options.cancel,
-                samples,
-            });
+            options.level.run_loops(
+                #[inline(always)]
+                || own[channel].add(waveform, chirp, options.cancel, samples),
+            );
         }
     };
     let of_static = parallel::map(options.is_parallel, channels, |channel| {
@@ -136,6 +133,44 @@ impl Tones {
         tones
     }
 
+    /// Add the paths to the samples of a chirp.
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
+    fn add(&self, waveform: &Waveform, chirp: usize, cancel: Option<&Cancel>, samples: &mut [Complex64]) {
+        let Shape {
+            basis,
+            delay_rows,
+            amplitude_rows,
+            ..
+        } = self.shape;
+        let num_terms = delay_rows.max(amplitude_rows);
+        let stride = 1 + delay_rows + 2 * amplitude_rows;
+        let (mut values, mut functions) = (vec![0.0; num_terms], vec![[0.0; BLOCK]; num_terms]);
+        for (block, samples) in samples.chunks_mut(BLOCK).enumerate() {
+            // Fast time of every sample [s], and the functions of the basis.
+            let mut fast = [0.0; BLOCK];
+            for i in 0..samples.len() {
+                fast[i] = waveform.sample_time(block * BLOCK + i);
+                basis_values(basis, waveform, waveform.chirp_times[chirp] + fast[i], &mut values);
+                for k in 0..num_terms {
+                    functions[k][i] = values[k];
+                }
+            }
+            let mut sums = [[0.0; BLOCK]; 2];
+            for some in self.numbers.chunks(CHECKED * stride) {
+                if cancel.is_some_and(Cancel::is_asked) {
+                    return;
+                }
+                for path in some.chunks_exact(stride) {
+                    add_path(waveform, path, delay_rows, &functions, &fast, &mut sums);
+                }
+            }
+            for i in 0..samples.len() {
+                let weight = self.weights.get(block * BLOCK + i).copied().unwrap_or(1.0);
+                samples[i] += weight * Complex64::new(sums[0][i], sums[1][i]);
+            }
+        }
+    }
+
     fn are_finite(&self) -> bool {
         self.power.is_finite() && self.numbers.iter().all(|x| x.is_finite())
     }
@@ -159,63 +194,6 @@ fn terms(basis: Basis, rows: &[[f64; CHUNK]], path: usize) -> Vec<f64> {
 fn mean_square(rows: &[[f64; CHUNK]], path: usize) -> f64 {
     let value = |j: usize| rows[0][path] + if j > 0 { rows[j][path] } else { 0.0 };
     (0..rows.len()).map(|j| value(j).powi(2)).sum::<f64>() / rows.len() as f64
-}
-
-/// Addition of some paths to the samples of a chirp.
-struct AddTones<'a> {
-    waveform: &'a Waveform,
-    tones: &'a Tones,
-    chirp: usize,
-    cancel: Option<&'a Cancel>,
-    samples: &'a mut [Complex64],
-}
-
-impl Kernel for AddTones<'_> {
-    type Output = ();
-
-    #[cfg_attr(optimised, inline(always))] // see `Kernel`
-    fn run<I: Isa>(self) {
-        let Self {
-            waveform,
-            tones,
-            chirp,
-            cancel,
-            samples,
-        } = self;
-        let Shape {
-            basis,
-            delay_rows,
-            amplitude_rows,
-            ..
-        } = tones.shape;
-        let num_terms = delay_rows.max(amplitude_rows);
-        let stride = 1 + delay_rows + 2 * amplitude_rows;
-        let (mut values, mut functions) = (vec![0.0; num_terms], vec![[0.0; BLOCK]; num_terms]);
-        for (block, samples) in samples.chunks_mut(BLOCK).enumerate() {
-            // Fast time of every sample [s], and the functions of the basis.
-            let mut fast = [0.0; BLOCK];
-            for i in 0..samples.len() {
-                fast[i] = waveform.sample_time(block * BLOCK + i);
-                basis_values(basis, waveform, waveform.chirp_times[chirp] + fast[i], &mut values);
-                for k in 0..num_terms {
-                    functions[k][i] = values[k];
-                }
-            }
-            let mut sums = [[0.0; BLOCK]; 2];
-            for some in tones.numbers.chunks(CHECKED * stride) {
-                if cancel.is_some_and(Cancel::is_asked) {
-                    return;
-                }
-                for path in some.chunks_exact(stride) {
-                    add_path(waveform, path, delay_rows, &functions, &fast, &mut sums);
-                }
-            }
-            for i in 0..samples.len() {
-                let weight = tones.weights.get(block * BLOCK + i).copied().unwrap_or(1.0);
-                samples[i] += weight * Complex64::new(sums[0][i], sums[1][i]);
-            }
-        }
-    }
 }
 
 /// Add a path to a block of samples.

@@ -6,6 +6,7 @@
 
 use std::f64::consts::PI;
 
+use crate::numeric::chebyshev::{chebyshev_matrix, chebyshev_nodes};
 use crate::numeric::simd::{Real, Vector};
 
 const MAX_WIDTH: usize = 14;
@@ -93,9 +94,9 @@ impl KaiserBessel {
 
     /// Polynomials of the cells.
     pub fn taps<T: Real>(&self) -> Taps<T> {
-        let mut taps = [[T::zero(); MAX_DEGREE + 1]; MAX_WIDTH / 2];
+        let mut taps = [[T::zero(); MAX_DEGREE + 1]; MAX_WIDTH];
         let half = 0.5 * self.width as f64;
-        for (cell, tap) in taps[..self.width / 2].iter_mut().enumerate() {
+        for (cell, tap) in taps[..self.width].iter_mut().enumerate() {
             let value = |z: f64| self.value(cell as f64 + 0.5 * (1.0 + z) - half);
             for (number, coefficient) in tap.iter_mut().zip(monomials(degree(self.width), value)) {
                 *number = T::of(coefficient);
@@ -107,19 +108,14 @@ impl KaiserBessel {
 
 /// Polynomials of the cells of a kernel in `z`, from -1 to 1: a point at `p` touches the cells from
 /// `k = ceil(p - w/2)` on, and `z = 2 (k - (p - w/2)) - 1` is twice its offset between two cells. Coefficients of the
-/// powers of z of the first half of the cells; the kernel is even: `tap_(w-1-i)(z) = tap_i(-z)`.
+/// powers of z by cell; the kernel is even: `tap_(w-1-i)(z) = tap_i(-z)`.
 #[derive(Clone, Debug)]
-pub struct Taps<T>([[T; MAX_DEGREE + 1]; MAX_WIDTH / 2]);
+pub struct Taps<T>([[T; MAX_DEGREE + 1]; MAX_WIDTH]);
 
 impl<T: Real> Taps<T> {
-    /// Coefficient of a power of z of a cell of a kernel of some width; 0 for cells beyond the last.
-    pub fn coefficient(&self, width: usize, cell: usize, power: usize) -> T {
-        match cell {
-            _ if cell < width / 2 => self.0[cell][power],
-            _ if cell < width && power.is_multiple_of(2) => self.0[width - 1 - cell][power],
-            _ if cell < width => -self.0[width - 1 - cell][power],
-            _ => T::zero(),
-        }
+    /// Coefficient of a power of z of a cell; 0 for cells beyond the last.
+    pub fn coefficient(&self, cell: usize, power: usize) -> T {
+        self.0.get(cell).map_or(T::zero(), |tap| tap[power])
     }
 
     /// Values of the kernel at its `W` cells: even and odd powers serve two of them.
@@ -148,15 +144,14 @@ impl<T: Real> Taps<T> {
 /// Coefficients of the powers of z of the polynomial through a function at Chebyshev points on -1 ..= 1.
 pub fn monomials(degree: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
     let n = degree + 1;
-    let angle = |j: usize| PI * (2 * j + 1) as f64 / (2 * n) as f64;
-    let values: Vec<f64> = (0..n).map(|j| f(angle(j).cos())).collect();
+    let values: Vec<f64> = chebyshev_nodes(n).into_iter().map(f).collect();
     // Chebyshev coefficients, then T_k by its recurrence in powers.
+    let matrix = chebyshev_matrix(n);
     let (mut before, mut current) = (vec![0.0; n], vec![0.0; n]);
     current[0] = 1.0;
     let mut result = vec![0.0; n];
     for k in 0..n {
-        let scale = if k == 0 { 1.0 } else { 2.0 } / n as f64;
-        let c = scale * (0..n).map(|j| values[j] * (k as f64 * angle(j)).cos()).sum::<f64>();
+        let c: f64 = (0..n).map(|j| matrix[k * n + j] * values[j]).sum();
         for power in 0..n {
             result[power] += c * current[power];
         }
@@ -294,10 +289,10 @@ mod tests {
             let taps = KaiserBessel::new(width, 0.4).taps::<f64>();
             for (cell, value) in values(width, &taps, 0.3).into_iter().enumerate() {
                 let powers = (0..=degree(width)).rev();
-                let sum = powers.fold(0.0, |sum, power| sum * 0.3 + taps.coefficient(width, cell, power));
+                let sum = powers.fold(0.0, |sum, power| sum * 0.3 + taps.coefficient(cell, power));
                 assert!((sum - value).abs() < 1e-14, "{width} {cell}");
             }
-            assert_eq!(taps.coefficient(width, width, 0), 0.0);
+            assert_eq!(taps.coefficient(width, 0), 0.0);
         }
     }
 }

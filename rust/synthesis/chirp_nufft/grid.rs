@@ -80,7 +80,7 @@ fn layers<'a, T: Number>(plan: &'a ChirpPlan<T>, spreading: &Spreading<T>, is_st
         };
         Layer {
             groups: groups
-                .map(|group| (group, plan.tables(group, &spreading.nodes, spreading.degrees)))
+                .map(|group| (group, plan.tables(group, &spreading.nodes)))
                 .collect(),
             factors: of_grids.iter().map(factors).collect(),
         }
@@ -106,7 +106,7 @@ impl<T: Number> Kernel for AddChirps<'_, T> {
     #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
         let num_cells = self.spreading.fast_time.num_cells;
-        let size = (num_cells + self.spreading.width) * 2 * T::LANES;
+        let size = (num_cells + self.spreading.steps.width) * 2 * T::LANES;
         let mut scratch = vec![T::zero(); size];
         for layer in self.layers {
             let mut grids = vec![vec![T::zero(); size]; layer.factors.len()];

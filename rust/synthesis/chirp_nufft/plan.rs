@@ -330,14 +330,14 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     }
 
     /// Tables of every group of chirps for the blocks of a group of paths; of one for static paths.
-    pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes, degrees: &[usize]) -> Vec<LaneTables<T>> {
+    pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes) -> Vec<LaneTables<T>> {
         let num_groups = if group.is_static { 1 } else { self.num_lane_groups() };
         let num_blocks = group.blocks.len();
         let counts = group.batches[0][0].counts;
         let tables = |number: usize| {
             let block = &group.blocks[block_of(number, num_groups, num_blocks)];
             self.fast_time
-                .tables(block, T::LANES * number, counts, (nodes, degrees))
+                .tables(block, T::LANES * number, counts, (nodes, &self.steps.degrees))
         };
         (0..num_groups).map(tables).collect()
     }

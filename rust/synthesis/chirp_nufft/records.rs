@@ -1,6 +1,6 @@
 //! Records of paths: phases and places, computed in double precision, and the errors of what records leave out.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -18,9 +18,6 @@ const AMPLITUDE_SHARE: f64 = 0.01;
 
 /// Largest carrier over the frequency received.
 const MAX_CARRIER_RATIO: f64 = 4.0;
-
-/// Phase within a chirp above which error bounds need not grow [rad].
-const MOST_TURNED: f64 = 4.0;
 
 /// Largest coefficient of a lower degree in a product of Legendre polynomials, relative to the factors.
 const LOWER_DEGREE: f64 = 2.0;
@@ -205,23 +202,6 @@ struct Sizes<V> {
     carrier_ratio: V,
 }
 
-impl<V: Vector> Sizes<V> {
-    #[cfg_attr(optimised, inline(always))]
-    fn new(carrier_ratio: V) -> Self {
-        let zero = V::splat(V::Scalar::default());
-        Self {
-            drift: zero,
-            tail: zero,
-            phase: [zero; MAX_ORDERS],
-            change: [zero; MAX_ORDERS],
-            power: zero,
-            beyond: zero,
-            small: zero,
-            carrier_ratio,
-        }
-    }
-}
-
 impl<T: Number> Kernel for Build<'_, T> {
     type Output = Vec<Batch<T>>;
 
@@ -326,7 +306,16 @@ impl<T: Number> Build<'_, T> {
         let (received, carrier_ratio) = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
         let (all, mut used) = (u32::MAX >> (32 - T::LANES), [0; 3]);
 
-        let mut sizes = Sizes::new(carrier_ratio);
+        let mut sizes = Sizes {
+            drift: zero,
+            tail: zero,
+            phase: [zero; MAX_ORDERS],
+            change: [zero; MAX_ORDERS],
+            power: zero,
+            beyond: zero,
+            small: zero,
+            carrier_ratio,
+        };
         for k in 1..paths.delay.len() {
             let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), received));
             let size = absolute(own);
@@ -418,22 +407,15 @@ impl<T: Number> Build<'_, T> {
         // Numbers that are not finite show in the sum.
         errors.power = constant.mul_add(zero, errors.power.add(power));
         errors.strongest = errors.strongest.max(power);
-        // Phases within a chirp turn tones by Taylor's series up to the seventh power.
         let mut turned = zero;
         for n in 2..=T::DEGREE + 2 {
             turned = phase[n].mul_add(number::<T, I>(((2 * n + 1) as f64).sqrt()), turned);
         }
-        turned = turned.min(number::<T, I>(MOST_TURNED));
-        for _ in 0..3 {
-            turned = turned.mul(turned);
-        }
         let series = tail.mul(number::<T, I>(TAU));
-        // Far from the carrier, the ratio has no digits.
+        // Far from the carrier, the ratio has no digits; phases that turn tones by more have other cosines.
         let far = number::<T, I>(MAX_CARRIER_RATIO).at_most(absolute(carrier_ratio));
-        let series = number::<T, I>(1.0).select(far, series);
-        let series = turned
-            .mul_add(number::<T, I>(1.0 / 40_320.0), series)
-            .mul_add(size, small);
+        let far = far | number::<T, I>(FRAC_PI_2).at_most(turned);
+        let series = number::<T, I>(1.0).select(far, series).mul_add(size, small);
         errors.series = series.mul_add(series, errors.series.add(beyond));
         let curved = drift
             .mul(carrier_ratio)

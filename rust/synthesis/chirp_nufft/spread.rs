@@ -9,6 +9,7 @@ use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
 use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE};
 use crate::numeric::simd::{Isa, Vector, add_window};
+use crate::numeric::trig::cos_sin_quarter;
 use crate::numeric::wide::{cos_sin_of, number, product};
 use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
 
@@ -42,30 +43,6 @@ pub fn cos_sin<T: Number, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     let twice = s.add(s);
     [twice.neg_mul_add(s, number::<T, I>(1.0)), twice.mul(c)]
 }
-
-/// Cosine and sine of small phases in turns: Taylor's series.
-#[cfg_attr(optimised, inline(always))]
-fn small_cos_sin<T: Number, I: Isa>(x: T::In<I>) -> [T::In<I>; 2] {
-    let square = x.mul(x);
-    let (mut c, mut s) = (number::<T, I>(TAYLOR[6]), number::<T, I>(TAYLOR[7]));
-    for n in [4, 2, 0] {
-        c = c.mul_add(square, number::<T, I>(TAYLOR[n]));
-        s = s.mul_add(square, number::<T, I>(TAYLOR[n + 1]));
-    }
-    [c, s.mul(x)]
-}
-
-/// Coefficients of the powers of phases in turns in cosine and sine.
-const TAYLOR: [f64; 8] = [
-    1.0,
-    TAU,
-    -TAU * TAU / 2.0,
-    -TAU * TAU * TAU / 6.0,
-    TAU * TAU * TAU * TAU / 24.0,
-    TAU * TAU * TAU * TAU * TAU / 120.0,
-    -TAU * TAU * TAU * TAU * TAU * TAU / 720.0,
-    -TAU * TAU * TAU * TAU * TAU * TAU * TAU / 5040.0,
-];
 
 /// A number times an amplitude in phase and in quadrature.
 #[cfg_attr(optimised, inline(always))]
@@ -116,12 +93,9 @@ pub struct Steps {
 pub struct Spreading<'a, T> {
     /// Constants of the frame.
     pub fast_time: &'a FastTime<'a>,
-    /// Width of the kernel [cells].
-    pub width: usize,
+    /// Steps of the sum.
+    pub steps: &'a Steps,
     taps: Taps<T>,
-    /// Degrees of the Legendre polynomials of the grids.
-    pub degrees: &'a [usize],
-    is_first_order: bool,
     /// Nodes that tell their coefficients.
     pub nodes: Nodes,
     /// Fast time of the nodes.
@@ -133,25 +107,22 @@ pub struct Spreading<'a, T> {
 impl<'a, T: Number> Spreading<'a, T> {
     /// Kernel and polynomials of some steps.
     pub fn new(steps: &'a Steps, fast_time: &'a FastTime) -> Self {
-        let (width, degrees) = (steps.width, &steps.degrees);
-        let most = degrees.iter().copied().max().unwrap_or(0);
+        let most = steps.degrees.iter().copied().max().unwrap_or(0);
         let nodes = Nodes::new(NUM_NODES[most]);
         let weights = |degree: &usize| nodes.weights.iter().map(|of_node| T::of(of_node[*degree])).collect();
         Self {
             fast_time,
-            width,
-            taps: kernel(width, fast_time).taps(),
-            degrees,
-            is_first_order: steps.is_first_order,
+            steps,
+            taps: kernel(steps.width, fast_time).taps(),
             times: nodes.times.iter().map(|u| T::of(*u)).collect(),
-            weights: degrees.iter().map(weights).collect(),
+            weights: steps.degrees.iter().map(weights).collect(),
             nodes,
         }
     }
 
     /// Factors of the samples by grid, which undo the kernel: one over its transform, times the polynomial.
     pub fn factors(&self) -> Vec<Vec<f64>> {
-        let kernel = kernel(self.width, self.fast_time);
+        let kernel = kernel(self.steps.width, self.fast_time);
         let (num_samples, num_cells) = (self.fast_time.waveform.num_samples, self.fast_time.num_cells as f64);
         let place = |sample: usize| (sample as f64 - (num_samples / 2) as f64) / num_cells;
         let of_degree = |degree: &usize| {
@@ -160,7 +131,7 @@ impl<'a, T: Number> Spreading<'a, T> {
                 .map(|(sample, values)| values[*degree] / kernel.transform(place(sample)))
                 .collect()
         };
-        self.degrees.iter().map(of_degree).collect()
+        self.steps.degrees.iter().map(of_degree).collect()
     }
 
     /// Add the paths of a block to grids.
@@ -174,7 +145,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             let counts = (batch.counts, batch.used[block][number]);
             let record = (record, batch.paths_of(number));
             // Two loops, as a processor looks ahead over few paths.
-            match if self.is_first_order { 0 } else { self.times.len() } {
+            match if self.steps.is_first_order { 0 } else { self.times.len() } {
                 0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
                 2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
                 3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
@@ -182,7 +153,7 @@ impl<'a, T: Number> Spreading<'a, T> {
                 9 => self.compute::<I, 9>(counts, record, tables, &mut places, strengths),
                 _ => unreachable!("numbers of nodes are these"),
             }
-            match (size_of::<T>(), self.width) {
+            match (size_of::<T>(), self.steps.width) {
                 (4, 4) => self.add_record::<I, 4>(record, &places, strengths, grids),
                 (4, 6) => self.add_record::<I, 6>(record, &places, strengths, grids),
                 (_, 8) => self.add_record::<I, 8>(record, &places, strengths, grids),
@@ -277,7 +248,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             let change = doppler.mul_add(u, delay[j]);
             let change_of_frequency = change.neg_mul_add(per_square, ratio.mul(u));
             let phase = change.mul_add(change_of_frequency, received.mul(delay[j]));
-            let [c, s] = small_cos_sin::<T, I>(phase);
+            let (c, s) = cos_sin_quarter(phase.mul(number::<T, I>(TAU)));
             values[j] = modulated([c, s], [re[j], im[j]], quadrature.is_empty());
         }
         for (strengths, weights) in strengths.iter_mut().zip(&self.weights) {

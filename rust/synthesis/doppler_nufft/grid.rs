@@ -117,7 +117,7 @@ fn tap_table<T: Precision>(kernels: &[KaiserBessel; 2]) -> Vec<T> {
     let mut table = Vec::new();
     for power in 0..=degree(width) {
         for of_axis in &taps {
-            table.extend((0..padded).map(|cell| of_axis.coefficient(width, cell, power)));
+            table.extend((0..padded).map(|cell| of_axis.coefficient(cell, power)));
         }
     }
     table
