@@ -10,6 +10,9 @@ use crate::numeric::fft;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::Block;
 
+/// Chirps of a block that tell orders of fast time, its ends among them: Chebyshev polynomials change most there.
+const NUM_CHIRPS: usize = 5;
+
 /// Constants of a frame: the same for all paths and channels.
 #[derive(Clone, Debug)]
 pub struct FastTime<'a> {
@@ -143,8 +146,9 @@ impl<'a> FastTime<'a> {
     pub fn orders<T: Number>(&self, block: &Block, number: usize) -> Vec<Orders> {
         let nodes = Nodes::new(T::DEGREE + 3);
         let mut orders = vec![Orders::default(); number];
-        // Chebyshev polynomials change most at both ends.
-        for chirp in [block.chirps.start, block.chirps.end - 1] {
+        let last = block.chirps.len() - 1;
+        for at in 0..NUM_CHIRPS {
+            let chirp = block.chirps.start + at * last / (NUM_CHIRPS - 1);
             let values = self.chebyshev(block, chirp, number, &nodes);
             for (values, orders) in values.iter().zip(&mut orders) {
                 let phase = |j: usize| (1.0 + self.ratio * nodes.times[j]) * values[j];
@@ -154,17 +158,20 @@ impl<'a> FastTime<'a> {
                     if n == 1 {
                         turns = amplitude - turns + self.ratio / 3.0_f64.sqrt() * nodes.coefficient(0, phase);
                     }
-                    orders.phase[n] = orders.phase[n].max(2.0 * PI * turns.abs());
-                    orders.amplitude[n] = orders.amplitude[n].max(amplitude.abs());
+                    orders.phase[n] += (2.0 * PI * turns).powi(2) / NUM_CHIRPS as f64;
+                    orders.amplitude[n] += amplitude.powi(2) / NUM_CHIRPS as f64;
                 }
             }
+        }
+        for Orders { phase, amplitude } in &mut orders {
+            (*phase, *amplitude) = (phase.map(f64::sqrt), amplitude.map(f64::sqrt));
         }
         orders
     }
 }
 
-/// Orders of fast time within a chirp of a Chebyshev polynomial, the largest of all chirps: coefficients of Legendre
-/// polynomials.
+/// Orders of fast time within a chirp of a Chebyshev polynomial: coefficients of Legendre polynomials, their rms over
+/// chirps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Orders {
     /// Phase but for the tone, of a delay of one turn [rad]. The first order comes from the delay, and counts by the
