@@ -8,6 +8,7 @@
 //! slots, with pseudo-random signs: the expected energy is the same (Charikar, Chen, Farach-Colton, "Finding frequent
 //! items in data streams").
 
+use crate::numeric::kaiser_bessel::ToneError;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Precision, Real, Vector};
 use crate::numeric::wide;
@@ -28,6 +29,9 @@ const SAFETY: f64 = 1.0 / 0.81;
 
 /// Relative error of an energy by slots: three standard deviations, and the largest of four sides.
 const SLOT_ERROR: f64 = 0.14;
+
+/// Excess of an energy that is measured where paths have independent phases.
+const MEASUREMENT: f64 = 0.25;
 
 /// Axis of cells, in units of a coordinate of the paths.
 #[derive(Clone, Copy, Debug)]
@@ -194,5 +198,15 @@ impl CellSums {
         // Without paths of different cells that share a slot by chance.
         let measured = product / power - number / SLOTS as f64;
         1.0 + self.step as f64 * (measured - 1.0).max(0.0)
+    }
+}
+
+impl ToneError {
+    /// Bound of the rms error of a sum of tones, relative to the l2 norm of their amplitudes, for an
+    /// [energy](CellSums::energy) beside the frame: it may lie where aliases are largest, but for what the
+    /// measurement alone may have added.
+    pub fn with_energy(&self, energy: f64) -> f64 {
+        let in_phase = (energy - 1.0 - MEASUREMENT).max(0.0).sqrt();
+        (energy.sqrt() * self.rms).hypot(in_phase * self.alias.max(self.rms))
     }
 }

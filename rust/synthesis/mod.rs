@@ -10,7 +10,6 @@ pub mod coherence;
 pub mod delay;
 pub mod direct;
 pub mod doppler_nufft;
-pub mod kaiser_bessel;
 pub mod report;
 pub mod source;
 

@@ -7,8 +7,12 @@ use std::f64::consts::PI;
 
 use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, MAX_TURNS, Number};
 use crate::numeric::fft;
+use crate::numeric::legendre::{self, legendre};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::Block;
+
+/// Nodes of fast time.
+pub type Nodes = legendre::Nodes<MAX_ORDERS>;
 
 /// Chirps of a block that tell orders of fast time, its ends among them: Chebyshev polynomials change most there.
 const NUM_CHIRPS: usize = 5;
@@ -200,51 +204,4 @@ pub struct LaneTables<T> {
 pub struct OrderTables<T> {
     pub phase: Vec<LaneRow<T>>,
     pub amplitude: Vec<LaneRow<T>>,
-}
-
-/// Gauss's nodes of fast time, and what they tell.
-#[derive(Clone, Debug)]
-pub struct Nodes {
-    /// Fast time u of every node.
-    pub times: Vec<f64>,
-    /// Weights of the nodes in the coefficients of the Legendre polynomials (node, degree).
-    pub weights: Vec<[f64; MAX_ORDERS]>,
-}
-
-impl Nodes {
-    /// Nodes that determine the coefficients of the polynomials, one per polynomial.
-    pub fn new(number: usize) -> Self {
-        let (mut times, mut weights) = (Vec::new(), Vec::new());
-        let norm = |n: usize| ((2 * n + 1) as f64).sqrt();
-        for j in 0..number {
-            let mut u = (PI * (j as f64 + 0.75) / (number as f64 + 0.5)).cos();
-            let mut slope = 1.0;
-            for _ in 0..6 {
-                // Newton's method: (u^2 - 1) P_n' = n (u P_n - P_(n-1)).
-                let values = legendre(u);
-                let [value, before] = [number, number - 1].map(|n| values[n] / norm(n));
-                slope = number as f64 * (u * value - before) / (u * u - 1.0);
-                u -= value / slope;
-            }
-            let weight = ((1.0 - u * u) * slope * slope).recip();
-            times.push(u);
-            weights.push(legendre(u).map(|value| weight * value));
-        }
-        Self { times, weights }
-    }
-
-    /// Coefficient of a Legendre polynomial of a function of the node.
-    fn coefficient(&self, degree: usize, value: impl Fn(usize) -> f64) -> f64 {
-        (0..self.times.len()).map(|j| self.weights[j][degree] * value(j)).sum()
-    }
-}
-
-/// Legendre polynomials of degrees 0, 1, ... at u, normalised to a mean square of one.
-fn legendre(u: f64) -> [f64; MAX_ORDERS] {
-    let mut values = [1.0; MAX_ORDERS];
-    values[1] = u;
-    for n in 2..MAX_ORDERS {
-        values[n] = ((2 * n - 1) as f64 * u * values[n - 1] - (n - 1) as f64 * values[n - 2]) / n as f64;
-    }
-    std::array::from_fn(|n| ((2 * n + 1) as f64).sqrt() * values[n])
 }

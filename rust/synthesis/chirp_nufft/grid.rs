@@ -5,7 +5,7 @@ use num_complex::Complex;
 
 use super::fast_time::LaneTables;
 use super::number::Number;
-use super::plan::{ChirpPlan, RecordGroup, block_of};
+use super::plan::{ChirpPlan, RecordGroup, block_of, by_key};
 use super::spread::Spreading;
 use crate::cancel::Cancel;
 use crate::numeric::fft::{self, twiddles};
@@ -61,18 +61,14 @@ pub fn samples<T: Number>(plan: &ChirpPlan<T>) -> Vec<Complex<T>> {
 
 /// Static paths, or the others, by the power of the frequency.
 fn layers<'a, T: Number>(plan: &'a ChirpPlan<T>, spreading: &Spreading<T>, is_static: bool) -> Vec<Layer<'a, T>> {
-    let groups = || plan.groups.iter().filter(|group| group.is_static == is_static);
-    let mut exponents: Vec<u8> = groups().map(|group| group.frequency_exponent).collect();
-    exponents.sort_unstable();
-    exponents.dedup();
+    let groups = plan.groups.iter().filter(|group| group.is_static == is_static);
     let mut of_grids = spreading.factors();
     if is_static {
         // Nothing changes with fast time.
         of_grids.truncate(1);
     }
-    let layer = |exponent: u8| {
-        let groups = groups().filter(|group| group.frequency_exponent == exponent);
-        let mut over_frequency = plan.fast_time.waveform.over_frequency(exponent);
+    let layer = |groups: Vec<&'a RecordGroup<T>>| {
+        let mut over_frequency = plan.fast_time.waveform.over_frequency(groups[0].frequency_exponent);
         over_frequency.resize(plan.fast_time.waveform.num_samples, 1.0);
         let factors = |of_grid: &Vec<f64>| {
             let both = of_grid.iter().zip(&over_frequency);
@@ -80,12 +76,14 @@ fn layers<'a, T: Number>(plan: &'a ChirpPlan<T>, spreading: &Spreading<T>, is_st
         };
         Layer {
             groups: groups
+                .into_iter()
                 .map(|group| (group, plan.tables(group, &spreading.nodes)))
                 .collect(),
             factors: of_grids.iter().map(factors).collect(),
         }
     };
-    exponents.into_iter().map(layer).collect()
+    let layers = by_key(groups, |group| group.frequency_exponent).into_iter();
+    layers.map(layer).collect()
 }
 
 /// Samples of a channel in the chirps of a group.

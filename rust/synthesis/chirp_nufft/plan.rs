@@ -11,10 +11,10 @@ use super::records::{Batch, Build, Errors, counts};
 use super::spread::Steps;
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::numeric::kaiser_bessel::ToneError;
 use crate::numeric::parallel;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{Block, CHUNK};
-use crate::synthesis::kaiser_bessel::ToneError;
 use crate::synthesis::report::{ErrorBound, Options, SINGLE_TOLERANCE};
 use crate::synthesis::source::{PathGroup, PathSource};
 
@@ -220,18 +220,15 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         if self.num_paths <= 1 {
             return vec![1.0; self.errors.len()];
         }
-        let mut numbers: Vec<usize> = self.groups.iter().map(|group| group.blocks.len()).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
         let is_coarse = self.options.tolerance >= COARSE && self.num_paths >= FEWEST_SAMPLED;
         let step = if is_coarse { STEP } else { 1 };
         // Groups with the same number of blocks share them.
+        let sharing = by_key(self.groups.iter(), |group| group.blocks.len());
         let of_channel = |channel: usize| {
             let (mut power, mut energy) = (0.0, 0.0);
-            for number in &numbers {
-                let own = || self.groups.iter().filter(|group| group.blocks.len() == *number);
-                let batches: Vec<&Batch<T>> = own().flat_map(|group| &group.batches[channel]).collect();
-                let blocks = own().next().map_or(&[][..], |group| &group.blocks);
+            for groups in &sharing {
+                let batches: Vec<&Batch<T>> = groups.iter().flat_map(|group| &group.batches[channel]).collect();
+                let blocks = &groups[0].blocks;
                 for (number, block) in blocks.iter().enumerate() {
                     let shares = batches.chunks(batches.len().div_ceil(SHARES).max(1)).collect();
                     let sums = parallel::map(self.options.is_parallel, shares, |batches: &[&Batch<T>]| {
@@ -355,6 +352,17 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
 /// Block of a group of chirps.
 pub fn block_of(group: usize, num_groups: usize, num_blocks: usize) -> usize {
     group * num_blocks / num_groups
+}
+
+/// Groups with equal keys together, by increasing key.
+pub fn by_key<'a, T, K: Ord>(
+    groups: impl Iterator<Item = &'a RecordGroup<T>>,
+    key: impl Fn(&RecordGroup<T>) -> K,
+) -> Vec<Vec<&'a RecordGroup<T>>> {
+    let mut sorted: Vec<&RecordGroup<T>> = groups.collect();
+    sorted.sort_by_key(|group| key(group));
+    let runs = sorted.chunk_by(|a, b| key(a) == key(b));
+    runs.map(<[_]>::to_vec).collect()
 }
 
 /// Largest number, or NaN.

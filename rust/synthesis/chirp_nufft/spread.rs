@@ -8,10 +8,10 @@ use std::f64::consts::TAU;
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
 use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE};
+use crate::numeric::kaiser_bessel::{KaiserBessel, Taps};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::trig::cos_sin_quarter;
 use crate::numeric::wide::{cos_sin_of, number, product};
-use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
 
 /// sin(pi x) / x and cos(pi x) in powers of x^2 up to x = 1/2: polynomials through five Chebyshev nodes, to 1e-8 and
 /// 5e-8.

@@ -1,8 +1,8 @@
 //! Grids of cells of range and rows of velocity, and their spectra over range.
 
+use crate::numeric::kaiser_bessel::{KaiserBessel, degree};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::{fft, parallel};
-use crate::synthesis::kaiser_bessel::{KaiserBessel, degree};
 
 /// Size of a vector [bytes].
 pub const VECTOR: usize = 64;

@@ -17,9 +17,9 @@
 use std::f64::consts::{SQRT_2, TAU};
 
 use super::grid::STEP;
+use crate::numeric::kaiser_bessel::ToneError;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::Block;
-use crate::synthesis::kaiser_bessel::ToneError;
 use crate::synthesis::report::{ErrorBound, Options};
 
 /// Kernels, the fastest first: in single precision or not, width [cells].

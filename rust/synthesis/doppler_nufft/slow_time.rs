@@ -6,12 +6,12 @@ use num_complex::Complex;
 
 use super::grid::{Layout, VECTOR};
 use super::plan::{Moving, fast_time, slow_times};
+use crate::numeric::kaiser_bessel::monomials;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::wide::{self, Wide, add, mul, mul_add, product, sub};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::Block;
-use crate::synthesis::kaiser_bessel::monomials;
 
 /// Degree of the polynomial of the square root of 1 / transform of the kernel.
 const ROOT_DEGREE: usize = 11;

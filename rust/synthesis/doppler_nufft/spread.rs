@@ -2,10 +2,10 @@
 
 use super::grid::Grid;
 use super::points::Points;
+use crate::numeric::kaiser_bessel::degree;
 use crate::numeric::simd::{Isa, Kernel, Precision, Vector, add_rows};
 use crate::numeric::wide;
 use crate::synthesis::chunk::CHUNK;
-use crate::synthesis::kaiser_bessel::degree;
 
 /// Highest degree of the polynomials.
 const MAX_DEGREE: usize = degree(14);

@@ -12,9 +12,6 @@ use crate::numeric::simd::{Real, Vector};
 const MAX_WIDTH: usize = 14;
 const MAX_DEGREE: usize = degree(MAX_WIDTH);
 
-/// Excess of an [energy](crate::synthesis::coherence) that is measured where paths have independent phases.
-const MEASUREMENT: f64 = 0.25;
-
 /// Degree of the polynomials of one cell of the kernel: errors of tones do not exceed the errors of the kernel itself.
 pub const fn degree(width: usize) -> usize {
     if width <= 4 { 4 } else { width - 1 }
@@ -43,14 +40,6 @@ impl ToneError {
             _ => [1.2e-13, 5.5e-13, 4.7e-13],
         };
         Self { rms, largest, alias }
-    }
-
-    /// Bound of the rms error of a sum of tones, relative to the l2 norm of their amplitudes, for an
-    /// [energy beside the frame](crate::synthesis::coherence): it may lie where aliases are largest, but for what the
-    /// measurement alone may have added.
-    pub fn with_energy(&self, energy: f64) -> f64 {
-        let in_phase = (energy - 1.0 - MEASUREMENT).max(0.0).sqrt();
-        (energy.sqrt() * self.rms).hypot(in_phase * self.alias.max(self.rms))
     }
 }
 
