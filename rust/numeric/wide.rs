@@ -1,6 +1,6 @@
 //! Arithmetic on arrays of f64 vectors: one vector for 8 numbers, two for the 16 of an f32 vector.
 
-use crate::numeric::simd::{Isa, Precision, Vector};
+use crate::numeric::simd::{Isa, Precision, Real, Vector};
 use crate::numeric::trig;
 
 /// Array of `P` vectors of f64.
@@ -123,6 +123,18 @@ pub fn product<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
         a[1].neg_mul_add(b[1], a[0].mul(b[0])),
         a[1].mul_add(b[0], a[0].mul(b[1])),
     ]
+}
+
+/// Sum of the lanes.
+#[cfg_attr(optimised, inline(always))]
+pub fn total<V: Vector>(numbers: V) -> f64 {
+    let mut lanes = [V::Scalar::default(); 16];
+    numbers.store(&mut lanes);
+    let mut sum = 0.0;
+    for number in lanes {
+        sum += number.wide();
+    }
+    sum
 }
 
 /// Convert to a vector in the precision of `T`.

@@ -113,11 +113,13 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             error: ErrorBound::default(),
         };
         for group in groups {
-            let group = plan.build(group)?;
+            let (group, errors) = plan.build(group)?;
             plan.groups.push(group);
+            plan.errors.resize(errors.len(), Errors::default());
+            for (sum, own) in plan.errors.iter_mut().zip(&errors) {
+                sum.add(own, 1.0);
+            }
         }
-        let num_channels = groups.first().map_or(0, |group| group.source.shape().channels);
-        plan.errors = (0..num_channels).map(|channel| plan.sum_errors(channel)).collect();
         plan.energies = plan.measure();
         plan.choose();
         Ok(plan)
@@ -144,8 +146,8 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         (0..number).map(of_block).collect()
     }
 
-    /// Build the records of a group, with half as long blocks until they are short enough.
-    fn build(&self, group: &PathGroup) -> Result<RecordGroup<T>> {
+    /// Build the records of a group, with half as long blocks until they are short enough, and sum their errors by channel.
+    fn build(&self, group: &PathGroup) -> Result<(RecordGroup<T>, Vec<Errors<f64>>)> {
         let (source, shape) = (group.source, group.source.shape());
         let parts = |number: usize, size: usize| {
             let firsts = (0..number).step_by(size.clamp(1, number));
@@ -196,23 +198,15 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             } else if step > 1 {
                 step = 1;
             } else {
-                return Ok(RecordGroup {
+                let group = RecordGroup {
                     frequency_exponent: group.frequency_exponent,
                     is_static: shape.is_static(),
                     blocks: blocks.into_iter().map(|(block, _)| block).collect(),
                     batches,
-                });
+                };
+                return Ok((group, errors));
             }
         }
-    }
-
-    /// Errors of a channel.
-    fn sum_errors(&self, channel: usize) -> Errors<f64> {
-        let mut errors = Errors::default();
-        for batch in self.groups.iter().flat_map(|group| &group.batches[channel]) {
-            errors.add(&batch.errors, 1.0);
-        }
-        errors
     }
 
     /// Energies beside the chirps, by channel: means over blocks and groups.

@@ -8,7 +8,7 @@ use super::fast_time::{FastTime, Orders};
 use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, Number};
 use crate::numeric::simd::{Isa, Kernel, Level, Real, Vector};
 use crate::numeric::trig::angle;
-use crate::numeric::wide::{self, Wide, mul, narrow, neg_mul_add, number, sub};
+use crate::numeric::wide::{self, Wide, mul, narrow, neg_mul_add, number, sub, total};
 use crate::synthesis::chunk::{Block, CHUNK, Chunk, expand};
 use crate::synthesis::source::{PathSource, Request, Shape};
 
@@ -510,18 +510,6 @@ fn direction<T: Number, I: Isa>(paths: &Chunk<T>, at: usize) -> ([T::In<I>; 2], 
         zero.select(is_none, y.mul(inverse)),
     ];
     (direction, argument)
-}
-
-/// Sum of the lanes.
-#[cfg_attr(optimised, inline(always))]
-fn total<V: Vector>(numbers: V) -> f64 {
-    let mut lanes = [V::Scalar::default(); MAX_LANES];
-    numbers.store(&mut lanes);
-    let mut sum = 0.0;
-    for number in lanes {
-        sum += number.wide();
-    }
-    sum
 }
 
 #[cfg_attr(optimised, inline(always))]

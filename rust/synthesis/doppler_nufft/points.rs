@@ -141,11 +141,7 @@ impl<T: Precision> ComputePoints<'_, T> {
             }
         }
         let (points, measured) = (&self.points, &mut *self.measured);
-        let mut lanes = [T::zero(); 16];
-        sum.store(&mut lanes);
-        for lane in lanes {
-            measured.power += lane.wide();
-        }
+        measured.power += wide::total(sum);
         measured.strongest = measured.strongest.max(strongest.largest().wide());
         for part in longest {
             measured.longest = measured.longest.max(part.largest());
