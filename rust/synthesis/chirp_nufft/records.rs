@@ -190,9 +190,9 @@ struct Sizes<V> {
     /// Coefficients of the delay after the constant one, and those beyond records [turns].
     drift: V,
     tail: V,
-    /// Orders of the phase and of the amplitude, see [`Orders`].
-    phase: [V; MAX_ORDERS],
-    change: [V; MAX_ORDERS],
+    /// Orders of the phase and of the amplitude, see [`Orders`], of coefficients of even and of odd degree.
+    phase: [[V; MAX_ORDERS]; 2],
+    change: [[V; MAX_ORDERS]; 2],
     /// Power, and its part beyond records [W].
     power: V,
     beyond: V,
@@ -309,8 +309,8 @@ impl<T: Number> Build<'_, T> {
         let mut sizes = Sizes {
             drift: zero,
             tail: zero,
-            phase: [zero; MAX_ORDERS],
-            change: [zero; MAX_ORDERS],
+            phase: [[zero; MAX_ORDERS]; 2],
+            change: [[zero; MAX_ORDERS]; 2],
             power: zero,
             beyond: zero,
             small: zero,
@@ -331,7 +331,8 @@ impl<T: Number> Build<'_, T> {
             }
             sizes.drift = sizes.drift.add(size);
             for n in 1..=T::DEGREE + 2 {
-                sizes.phase[n] = size.mul_add(number::<T, I>(orders[k].phase[n]), sizes.phase[n]);
+                let sum = &mut sizes.phase[k % 2][n];
+                *sum = size.mul_add(number::<T, I>(orders[k].phase[n]), *sum);
             }
         }
 
@@ -354,7 +355,7 @@ impl<T: Number> Build<'_, T> {
             if k > 0 {
                 for n in 1..=T::DEGREE + 2 {
                     let order = number::<T, I>(orders[k].amplitude[n]);
-                    sizes.change[n] = size.mul_add(order, sizes.change[n]);
+                    sizes.change[k % 2][n] = size.mul_add(order, sizes.change[k % 2][n]);
                 }
             }
         }
@@ -375,21 +376,27 @@ impl<T: Number> Build<'_, T> {
         let Sizes {
             drift,
             tail,
-            mut phase,
-            mut change,
+            phase: phases,
+            change: changes,
             power,
             beyond,
             small,
             carrier_ratio,
         } = *sizes;
-        // Orders of the amplitude times exp(j phase): of the factors, and of products by their degree. A product of two
-        // polynomials has smaller coefficients of all degrees than both together, of three somewhat larger ones.
+        // Orders of the amplitude times exp(j phase): of the factors, where even and odd functions of the time over the
+        // block are orthogonal, and of products by their degree. A product of two polynomials has smaller coefficients of
+        // all degrees than both together, of three somewhat larger ones.
         let size = power.sqrt();
         let detuned = absolute(carrier_ratio.sub(number::<T, I>(1.0)));
-        phase[1] = phase[1].mul(detuned);
-        let (mut sums, mut products) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
+        let [mut phase, mut change, mut sums, mut products] = [[zero; MAX_ORDERS]; 4];
         for n in 1..=T::DEGREE + 2 {
-            change[n] = size.mul_add(phase[n], change[n]);
+            let [mut even, mut odd] = [phases[0][n], phases[1][n]];
+            if n == 1 {
+                (even, odd) = (even.mul(detuned), odd.mul(detuned));
+            }
+            phase[n] = even.add(odd);
+            (even, odd) = (size.mul_add(even, changes[0][n]), size.mul_add(odd, changes[1][n]));
+            change[n] = even.mul_add(even, odd.mul(odd)).sqrt();
             for m in 2..n {
                 let part = number::<T, I>(m as f64 / (n - 1) as f64);
                 products[n] = phase[m].mul(part).mul_add(sums[n - m], products[n]);
