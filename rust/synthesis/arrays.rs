@@ -50,8 +50,15 @@ impl<'a> ArrayPaths<'a> {
     }
 
     /// Fill a chunk, with some rows of amplitudes.
-    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn fill<T: Precision>(&self, request: &Request, chunk: &mut Chunk<T>, num_amplitudes: usize) {
+        request.level.run_loops(
+            #[inline(always)]
+            || self.fill_rows(request, chunk, num_amplitudes),
+        );
+    }
+
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
+    fn fill_rows<T: Precision>(&self, request: &Request, chunk: &mut Chunk<T>, num_amplitudes: usize) {
         let (arrays, shape, places) = (self.arrays, self.shape(), &request.paths);
         let numbers = self.numbers.as_ref().map(|numbers| &numbers[places.clone()]);
         let are_values = arrays.basis == Basis::Chebyshev;
@@ -109,26 +116,15 @@ impl PathSource for ArrayPaths<'_> {
     }
 
     fn fill_single(&self, request: &Request, chunk: &mut Chunk<f32>) {
-        let num_amplitudes = self.shape().amplitude_rows;
-        request.level.run_loops(
-            #[inline(always)]
-            || self.fill(request, chunk, num_amplitudes),
-        );
+        self.fill(request, chunk, self.shape().amplitude_rows);
     }
 
     fn fill_double(&self, request: &Request, chunk: &mut Chunk<f64>) {
-        let num_amplitudes = self.shape().amplitude_rows;
-        request.level.run_loops(
-            #[inline(always)]
-            || self.fill(request, chunk, num_amplitudes),
-        );
+        self.fill(request, chunk, self.shape().amplitude_rows);
     }
 
     fn fill_delays(&self, request: &Request, chunk: &mut Chunk<f64>) {
-        request.level.run_loops(
-            #[inline(always)]
-            || self.fill(request, chunk, 0),
-        );
+        self.fill(request, chunk, 0);
     }
 
     fn not_finite(&self) -> Error {

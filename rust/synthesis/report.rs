@@ -192,12 +192,8 @@ impl fmt::Display for Report {
         if self.num_paths == 0 {
             return f.write_str("no paths");
         }
-        write!(
-            f,
-            "{} path{}",
-            self.num_paths,
-            if self.num_paths == 1 { "" } else { "s" }
-        )?;
+        let counted = |number: usize, name| format!("{number} {name}{}", if number == 1 { "" } else { "s" });
+        f.write_str(&counted(self.num_paths, "path"))?;
         if self.num_static > 0 {
             write!(f, " ({} static)", self.num_static)?;
         }
@@ -209,7 +205,7 @@ impl fmt::Display for Report {
             (self.num_grids, "grid"),
         ] {
             if number > 0 {
-                write!(f, ", {number} {name}{}", if number == 1 { "" } else { "s" })?;
+                write!(f, ", {}", counted(number, name))?;
             }
         }
         if self.width > 0 {

@@ -4,8 +4,8 @@
 //! Chebyshev series over the frame, or over a block of chirps where motion is fast. A record has its coefficients;
 //! tables have what multiplies them, the same for all paths. The tone is spread over a few cells of a periodic grid of
 //! ranges; the transform of the grid, divided by the transform of the kernel, has its samples. The deviation of a path
-//! from a tone is expanded in Legendre polynomials of fast time, with a grid for each. Static paths are spread in one
-//! chirp.
+//! from a tone is expanded in Legendre polynomials of fast time, with a grid for each. Static paths are spread once
+//! for all chirps.
 //!
 //! The error of the kernel and of the records is known before the sum.
 

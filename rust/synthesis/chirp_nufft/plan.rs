@@ -254,13 +254,8 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     fn choose(&mut self) {
         let (known, tolerance) = (self.options.known.gain, MARGIN * self.options.tolerance);
         // Degrees of fast time, the largest first.
-        let size = |n: usize| {
-            largest(
-                self.errors
-                    .iter()
-                    .map(|errors| errors.orders[n] / errors.power.max(f64::MIN_POSITIVE)),
-            )
-        };
+        let relative = |errors: &Errors<f64>, n: usize| errors.orders[n] / errors.power.max(f64::MIN_POSITIVE);
+        let size = |n| largest(self.errors.iter().map(|errors| relative(errors, n)));
         let mut degrees: Vec<usize> = (1..=T::DEGREE).collect();
         degrees.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
         let mut best = (f64::INFINITY, f64::INFINITY);

@@ -39,6 +39,9 @@ pub const CARRIER_RATIO: usize = 3;
 /// Number of these rows.
 pub const HEAD: usize = 4;
 
+/// Numbers of coefficients of static paths, see [`Batch::counts`].
+pub const STATIC: [usize; 2] = [0, 1];
+
 /// Records of some paths of a channel. Each has the rows of [`MAX_LANES`] paths: the head, the coefficients of the delay
 /// after the constant one [turns at the frequency received], and of the amplitude in phase and in quadrature with the
 /// first one.

@@ -1,4 +1,4 @@
-//! Spreading of paths over the cells of range grids: of one path in the chirps of all lanes.
+//! Spreading of paths over the cells of range grids: of one path in the chirps of all lanes, and of static paths.
 //!
 //! Within a chirp a path is a tone times a polynomial of fast time, known by its values at a few nodes. Every Legendre
 //! polynomial that counts has a grid of its own, for the sum of the strengths that paths have in it.
@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
-use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE};
+use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE, STATIC};
 use crate::numeric::kaiser_bessel::{KaiserBessel, Taps};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::trig::cos_sin_quarter;
@@ -58,9 +58,6 @@ fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
 /// nearest to paths whose phases are curved.
 const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
 
-/// Complex strengths of the paths of a record on a grid.
-type Strengths<V> = [[V; 2]; MAX_LANES];
-
 /// Add the coefficients of a path times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
 fn sum<V: Vector, const N: usize>(
@@ -98,8 +95,6 @@ pub struct Spreading<'a, T> {
     taps: Taps<T>,
     /// Nodes that tell their coefficients.
     pub nodes: Nodes,
-    /// Fast time of the nodes.
-    times: Vec<T>,
     /// Weights of the nodes by grid.
     weights: Vec<Vec<T>>,
 }
@@ -114,7 +109,6 @@ impl<'a, T: Number> Spreading<'a, T> {
             fast_time,
             steps,
             taps: kernel(steps.width, fast_time).taps(),
-            times: nodes.times.iter().map(|u| T::of(*u)).collect(),
             weights: steps.degrees.iter().map(weights).collect(),
             nodes,
         }
@@ -134,99 +128,108 @@ impl<'a, T: Number> Spreading<'a, T> {
         self.steps.degrees.iter().map(of_degree).collect()
     }
 
-    /// Add the paths of a block to grids.
+    /// Add the paths of a block to grids; static ones to the first chirp of the first grid.
     #[cfg_attr(optimised, inline(always))]
     pub fn add<I: Isa>(&self, batch: &Batch<T>, block: usize, tables: &LaneTables<T>, grids: &mut [Vec<T>]) {
-        let zero = number::<T, I>(0.0);
-        let mut places = [zero; MAX_LANES];
-        let mut strengths = [[[zero; 2]; MAX_LANES]; MAX_DEGREE + 1];
-        let strengths = &mut strengths[..grids.len()];
-        for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
-            let counts = (batch.counts, batch.used[block][number]);
-            let record = (record, batch.paths_of(number));
-            // Two loops, as a processor looks ahead over few paths.
-            match if self.steps.is_first_order { 0 } else { self.times.len() } {
-                0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
-                2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
-                3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
-                5 => self.compute::<I, 5>(counts, record, tables, &mut places, strengths),
-                9 => self.compute::<I, 9>(counts, record, tables, &mut places, strengths),
-                _ => unreachable!("numbers of nodes are these"),
-            }
-            match (size_of::<T>(), self.steps.width) {
-                (4, 4) => self.add_record::<I, 4>(record, &places, strengths, grids),
-                (4, 6) => self.add_record::<I, 6>(record, &places, strengths, grids),
-                (_, 8) => self.add_record::<I, 8>(record, &places, strengths, grids),
-                (8, 10) => self.add_record::<I, 10>(record, &places, strengths, grids),
-                (8, 12) => self.add_record::<I, 12>(record, &places, strengths, grids),
-                (8, 14) => self.add_record::<I, 14>(record, &places, strengths, grids),
-                _ => unreachable!("widths of the precision"),
-            }
+        match (size_of::<T>(), self.steps.width) {
+            (4, 4) => self.add_batch::<I, 4>(batch, block, tables, grids),
+            (4, 6) => self.add_batch::<I, 6>(batch, block, tables, grids),
+            (_, 8) => self.add_batch::<I, 8>(batch, block, tables, grids),
+            (8, 10) => self.add_batch::<I, 10>(batch, block, tables, grids),
+            (8, 12) => self.add_batch::<I, 12>(batch, block, tables, grids),
+            (8, 14) => self.add_batch::<I, 14>(batch, block, tables, grids),
+            _ => unreachable!("widths of the precision"),
         }
     }
 
-    /// Compute places on the grids [cells after the path's], and strengths, of the paths of a record in the
-    /// chirps of all lanes; with `N` nodes, or none for the first order.
+    /// Add paths by a kernel of `W` cells.
     #[cfg_attr(optimised, inline(always))]
-    fn compute<I: Isa, const N: usize>(
+    fn add_batch<I: Isa, const W: usize>(
         &self,
-        (counts, [num_turns, num_in_phase, num_quadrature]): ([usize; 2], [usize; 3]),
-        (record, num_paths): (&[LaneRow<T>], usize),
+        batch: &Batch<T>,
+        block: usize,
         tables: &LaneTables<T>,
-        places: &mut [T::In<I>; MAX_LANES],
-        strengths: &mut [Strengths<T::In<I>>],
+        grids: &mut [Vec<T>],
     ) {
-        let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
-        let (head, rows) = record.split_at(HEAD);
-        let (delays, amplitudes) = rows.split_at(counts[0]);
-        let (in_phase, quadrature) = amplitudes.split_at(counts[1]);
-        let (delays, in_phase, quadrature) = (
-            &delays[..num_turns],
-            &in_phase[..num_in_phase],
-            &quadrature[..num_quadrature],
-        );
-        for path in 0..num_paths.min(MAX_LANES) {
-            let middle = [PHASE, OFFSET].map(|row| splat(head[row][path]));
-            if N == 0 {
-                let [phase, place] = sum(middle, delays, path, &tables.tones);
-                places[path] = place;
-                let tone = cos_sin::<T, I>(phase);
-                let mut first = [zero; 2];
-                for (grid, (strengths, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
-                    let [re] = sum([zero], in_phase, path, &tables.amplitude);
-                    let [im] = sum([zero], quadrature, path, &tables.amplitude);
-                    let mut strength = modulated(tone, [re, im], quadrature.is_empty());
-                    if grid == 0 {
-                        first = strength;
-                    } else {
-                        // A small phase turns the tone.
-                        let [turned] = sum([zero], delays, path, &tables.phase);
-                        strength = [
-                            turned.neg_mul_add(first[1], strength[0]),
-                            turned.mul_add(first[0], strength[1]),
-                        ];
-                    }
-                    strengths[path] = strength;
-                }
-            } else {
-                let rows = [delays, in_phase, quadrature];
-                let carrier_ratio = splat(head[CARRIER_RATIO][path]);
-                places[path] = self.expand::<I, N>(rows, path, tables, (middle, carrier_ratio), strengths);
+        let mut strengths = [[number::<T, I>(0.0); 2]; MAX_DEGREE + 1];
+        let strengths = &mut strengths[..grids.len()];
+        let num_nodes = if self.steps.is_first_order {
+            0
+        } else {
+            self.nodes.times.len()
+        };
+        for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
+            let num_paths = batch.paths_of(number).min(MAX_LANES);
+            if batch.counts == STATIC {
+                self.add_static::<I, W>(record, num_paths, &mut grids[0]);
+                continue;
+            }
+            let (head, rows) = record.split_at(HEAD);
+            let (delays, amplitudes) = rows.split_at(batch.counts[0]);
+            let (in_phase, quadrature) = amplitudes.split_at(batch.counts[1]);
+            let used = batch.used[block][number];
+            let rows = [&delays[..used[0]], &in_phase[..used[1]], &quadrature[..used[2]]];
+            for path in 0..num_paths {
+                let place = match num_nodes {
+                    0 => self.first_order::<I>(head, rows, path, tables, strengths),
+                    2 => self.expand::<I, 2>(head, rows, path, tables, strengths),
+                    3 => self.expand::<I, 3>(head, rows, path, tables, strengths),
+                    5 => self.expand::<I, 5>(head, rows, path, tables, strengths),
+                    9 if size_of::<T>() == 8 => self.expand::<I, 9>(head, rows, path, tables, strengths),
+                    _ => unreachable!("numbers of nodes are these"),
+                };
+                self.add_path::<I, W>(head[CELL][path], place, strengths, grids);
             }
         }
     }
 
-    /// Place of a path, and its strengths on all grids, from the values at `N` nodes of what it is besides a tone.
+    /// Place of a path on the grids [cells after the path's] in the chirps of all lanes, and its strengths, to the first
+    /// order of changes within a chirp.
     #[cfg_attr(optimised, inline(always))]
-    fn expand<I: Isa, const N: usize>(
+    fn first_order<I: Isa>(
         &self,
+        head: &[LaneRow<T>],
         [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
         path: usize,
         tables: &LaneTables<T>,
-        ([phase, offset], carrier_ratio): ([T::In<I>; 2], T::In<I>),
-        strengths: &mut [Strengths<T::In<I>>],
+        strengths: &mut [[T::In<I>; 2]],
     ) -> T::In<I> {
         let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
+        let middle = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
+        let [phase, place] = sum(middle, delays, path, &tables.tones);
+        let tone = cos_sin::<T, I>(phase);
+        let mut first = [zero; 2];
+        for (grid, (strength, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
+            let [re] = sum([zero], in_phase, path, &tables.amplitude);
+            let [im] = sum([zero], quadrature, path, &tables.amplitude);
+            *strength = modulated(tone, [re, im], quadrature.is_empty());
+            if grid == 0 {
+                first = *strength;
+            } else {
+                // A small phase turns the tone.
+                let [turned] = sum([zero], delays, path, &tables.phase);
+                *strength = [
+                    turned.neg_mul_add(first[1], strength[0]),
+                    turned.mul_add(first[0], strength[1]),
+                ];
+            }
+        }
+        place
+    }
+
+    /// Place and strengths of a path from the values at `N` nodes of what it is besides a tone.
+    #[cfg_attr(optimised, inline(always))]
+    fn expand<I: Isa, const N: usize>(
+        &self,
+        head: &[LaneRow<T>],
+        [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
+        path: usize,
+        tables: &LaneTables<T>,
+        strengths: &mut [[T::In<I>; 2]],
+    ) -> T::In<I> {
+        let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
+        let [phase, offset] = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
+        let carrier_ratio = splat(head[CARRIER_RATIO][path]);
         let ratio = carrier_ratio.mul(number::<T, I>(self.fast_time.ratio));
         let per_square = carrier_ratio
             .mul(carrier_ratio)
@@ -244,38 +247,62 @@ impl<'a, T: Number> Spreading<'a, T> {
         let im: [_; N] = sum([zero; N], quadrature, path, &tables.node_amplitude);
         let mut values = [[zero; 2]; N];
         for j in 0..N {
-            let u = splat(self.times[j]);
+            let u = number::<T, I>(self.nodes.times[j]);
             let change = doppler.mul_add(u, delay[j]);
             let change_of_frequency = change.neg_mul_add(per_square, ratio.mul(u));
             let phase = change.mul_add(change_of_frequency, received.mul(delay[j]));
             let (c, s) = cos_sin_quarter(phase.mul(number::<T, I>(TAU)));
             values[j] = modulated([c, s], [re[j], im[j]], quadrature.is_empty());
         }
-        for (strengths, weights) in strengths.iter_mut().zip(&self.weights) {
-            let mut strength = [splat(T::zero()); 2];
+        for (strength, weights) in strengths.iter_mut().zip(&self.weights) {
+            let mut sum = [zero; 2];
             for j in 0..N {
                 let weight = splat(weights[j]);
-                strength = [
-                    values[j][0].mul_add(weight, strength[0]),
-                    values[j][1].mul_add(weight, strength[1]),
+                sum = [
+                    values[j][0].mul_add(weight, sum[0]),
+                    values[j][1].mul_add(weight, sum[1]),
                 ];
             }
-            strengths[path] = product(tone, strength);
+            *strength = product(tone, sum);
         }
         slope.mul_add(number::<T, I>(self.fast_time.cells_per_turn), offset)
     }
 
-    /// Add the paths of a record to the cells of the grids about their places, by a kernel of `W` cells.
+    /// First of the cells about some places, and the values of the kernel there.
     #[cfg_attr(optimised, inline(always))]
-    fn add_record<I: Isa, const W: usize>(
-        &self,
-        (record, num_paths): (&[LaneRow<T>], usize),
-        places: &[T::In<I>; MAX_LANES],
-        strengths: &[Strengths<T::In<I>>],
-        grids: &mut [Vec<T>],
-    ) {
-        for path in 0..num_paths.min(MAX_LANES) {
-            self.add_path::<I, W>(record[CELL][path], (path, places[path]), strengths, grids);
+    fn cells<I: Isa, const W: usize>(&self, place: T::In<I>) -> (T::In<I>, [T::In<I>; W]) {
+        let magic = <T::In<I>>::splat(T::ROUND);
+        let place = place.add(number::<T, I>(-0.5 * (W as f64 - 1.0)));
+        let first = place.add(magic).sub(magic);
+        // The offset from the middle of the cells.
+        let offset = first.sub(place);
+        (first, self.taps.values::<T::In<I>, W>(offset.add(offset)))
+    }
+
+    /// Add the static paths of a record to the first chirp of a grid.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_static<I: Isa, const W: usize>(&self, record: &[LaneRow<T>], num_paths: usize, grid: &mut [T]) {
+        let none = [T::zero(); MAX_LANES];
+        for at in (0..num_paths).step_by(T::LANES) {
+            let load = |row: usize| <T::In<I>>::load(&record[row][at..]);
+            let [c, s] = cos_sin::<T, I>(load(PHASE));
+            let (first, values) = self.cells::<I, W>(load(OFFSET));
+            let (mut firsts, mut re, mut im, mut taps) = (none, none, none, [none; W]);
+            first.store(&mut firsts);
+            c.mul(load(HEAD)).store(&mut re);
+            s.mul(load(HEAD)).store(&mut im);
+            for j in 0..W {
+                values[j].store(&mut taps[j]);
+            }
+            for lane in 0..T::LANES.min(num_paths - at) {
+                let start = self.cell(record[CELL][at + lane], firsts[lane]) * 2 * T::LANES;
+                let window = &mut grid[start..][..(2 * W - 1) * T::LANES + 1];
+                for j in 0..W {
+                    let at = 2 * j * T::LANES;
+                    window[at] = window[at] + taps[j][lane] * re[lane];
+                    window[at + T::LANES] = window[at + T::LANES] + taps[j][lane] * im[lane];
+                }
+            }
         }
     }
 
@@ -284,18 +311,12 @@ impl<'a, T: Number> Spreading<'a, T> {
     fn add_path<I: Isa, const W: usize>(
         &self,
         cell: T,
-        (path, place): (usize, T::In<I>),
-        strengths: &[Strengths<T::In<I>>],
+        place: T::In<I>,
+        strengths: &[[T::In<I>; 2]],
         grids: &mut [Vec<T>],
     ) {
-        let all = u32::MAX >> (32 - T::LANES);
-        let zero = number::<T, I>(0.0);
-        let magic = <T::In<I>>::splat(T::ROUND);
-        // First of the cells, and the offset from the middle of theirs.
-        let place = place.add(number::<T, I>(-0.5 * (W as f64 - 1.0)));
-        let first = place.add(magic).sub(magic);
-        let offset = first.sub(place);
-        let values = self.taps.values::<T::In<I>, W>(offset.add(offset));
+        let (all, zero) = (u32::MAX >> (32 - T::LANES), number::<T, I>(0.0));
+        let (first, values) = self.cells::<I, W>(place);
         // One pass for every first cell that there is. A place that is no number is in no cell.
         let (mut rest, mut lowest) = (all, first.first());
         loop {
@@ -304,8 +325,8 @@ impl<'a, T: Number> Spreading<'a, T> {
                 break;
             }
             let start = self.cell(cell, lowest) * 2 * T::LANES;
-            for (grid, strengths) in grids.iter_mut().zip(strengths) {
-                let mut own = strengths[path];
+            for (grid, strength) in grids.iter_mut().zip(strengths) {
+                let mut own = *strength;
                 if here != all {
                     own = [own[0].select(here, zero), own[1].select(here, zero)];
                 }
