@@ -45,10 +45,10 @@ pub fn samples<T: Number>(plan: &ChirpPlan<T>) -> Vec<Complex<T>> {
     let channels = out.chunks_mut(num_samples).enumerate();
     let tasks = channels.map(|(channel, samples)| (channel, 0, samples)).collect();
     add(&layers(plan, &spreading, true), tasks);
-    out = out
+    let rows = out
         .chunks(num_samples)
-        .flat_map(|samples| samples.repeat(num_chirps))
-        .collect();
+        .flat_map(|row| std::iter::repeat_n(row, num_chirps));
+    out = rows.collect::<Vec<_>>().concat();
     let channels = out.chunks_mut(num_chirps * num_samples).enumerate();
     let tasks = channels.flat_map(|(channel, samples)| {
         let groups = samples.chunks_mut(T::LANES * num_samples).enumerate();

@@ -171,7 +171,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             let rows = [&delays[..used[0]], &in_phase[..used[1]], &quadrature[..used[2]]];
             for path in 0..num_paths {
                 let place = match num_nodes {
-                    0 => self.first_order::<I>(head, rows, path, tables, strengths),
+                    0 => first_order::<T, I>(head, rows, path, tables, strengths),
                     2 => self.expand::<I, 2>(head, rows, path, tables, strengths),
                     3 => self.expand::<I, 3>(head, rows, path, tables, strengths),
                     5 => self.expand::<I, 5>(head, rows, path, tables, strengths),
@@ -181,40 +181,6 @@ impl<'a, T: Number> Spreading<'a, T> {
                 self.add_path::<I, W>(head[CELL][path], place, strengths, grids);
             }
         }
-    }
-
-    /// Place of a path on the grids [cells after the path's] in the chirps of all lanes, and its strengths, to the first
-    /// order of changes within a chirp.
-    #[cfg_attr(optimised, inline(always))]
-    fn first_order<I: Isa>(
-        &self,
-        head: &[LaneRow<T>],
-        [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
-        path: usize,
-        tables: &LaneTables<T>,
-        strengths: &mut [[T::In<I>; 2]],
-    ) -> T::In<I> {
-        let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
-        let middle = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
-        let [phase, place] = sum(middle, delays, path, &tables.tones);
-        let tone = cos_sin::<T, I>(phase);
-        let mut first = [zero; 2];
-        for (grid, (strength, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
-            let [re] = sum([zero], in_phase, path, &tables.amplitude);
-            let [im] = sum([zero], quadrature, path, &tables.amplitude);
-            *strength = modulated(tone, [re, im], quadrature.is_empty());
-            if grid == 0 {
-                first = *strength;
-            } else {
-                // A small phase turns the tone.
-                let [turned] = sum([zero], delays, path, &tables.phase);
-                *strength = [
-                    turned.neg_mul_add(first[1], strength[0]),
-                    turned.mul_add(first[0], strength[1]),
-                ];
-            }
-        }
-        place
     }
 
     /// Place and strengths of a path from the values at `N` nodes of what it is besides a tone.
@@ -296,7 +262,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             }
             for lane in 0..T::LANES.min(num_paths - at) {
                 let start = self.cell(record[CELL][at + lane], firsts[lane]) * 2 * T::LANES;
-                let window = &mut grid[start..][..(2 * W - 1) * T::LANES + 1];
+                let window = &mut grid[start..][..2 * W * T::LANES];
                 for j in 0..W {
                     let at = 2 * j * T::LANES;
                     window[at] = window[at] + taps[j][lane] * re[lane];
@@ -347,6 +313,39 @@ impl<'a, T: Number> Spreading<'a, T> {
     fn cell(&self, cell: T, after: T) -> usize {
         (cell + after).wide() as isize as usize & (self.fast_time.num_cells - 1)
     }
+}
+
+/// Place of a path on the grids [cells after the path's] in the chirps of all lanes, and its strengths, to the first
+/// order of changes within a chirp.
+#[cfg_attr(optimised, inline(always))]
+fn first_order<T: Number, I: Isa>(
+    head: &[LaneRow<T>],
+    [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
+    path: usize,
+    tables: &LaneTables<T>,
+    strengths: &mut [[T::In<I>; 2]],
+) -> T::In<I> {
+    let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
+    let middle = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
+    let [phase, place] = sum(middle, delays, path, &tables.tones);
+    let tone = cos_sin::<T, I>(phase);
+    let mut first = [zero; 2];
+    for (grid, (strength, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
+        let [re] = sum([zero], in_phase, path, &tables.amplitude);
+        let [im] = sum([zero], quadrature, path, &tables.amplitude);
+        *strength = modulated(tone, [re, im], quadrature.is_empty());
+        if grid == 0 {
+            first = *strength;
+        } else {
+            // A small phase turns the tone.
+            let [turned] = sum([zero], delays, path, &tables.phase);
+            *strength = [
+                turned.neg_mul_add(first[1], strength[0]),
+                turned.mul_add(first[0], strength[1]),
+            ];
+        }
+    }
+    place
 }
 
 fn kernel(width: usize, fast_time: &FastTime) -> KaiserBessel {
