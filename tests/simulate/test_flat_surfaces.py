@@ -12,7 +12,7 @@ import radarcore as rc
 from proof.bounds import flat_bounds
 from proof.faces import Cuboid, placed, section
 from proof.flat_surfaces import TARGETS, flat_results
-from proof.measure import FULL, SPEED_OF_LIGHT, Phasors, frame, tone
+from proof.measure import FULL, SPEED_OF_LIGHT, Phasors, frame, frequencies, sweep, tone
 
 WAVENUMBERS = np.array([2.0 * np.pi * 60e9 / SPEED_OF_LIGHT])
 SETTINGS: dict[float, dict[str, Any]] = {4e-4: {}, 3e-5: {"rcs_floor": 1e-4}}
@@ -121,3 +121,28 @@ def test_what_is_behind_the_sensor_hides_nothing() -> None:
     scenes = [rc.Scene(bodies) for bodies in ([cuboid.body()], [cuboid.body(), behind])]
     alone, both = (rc.Simulator(scene, radar).paths() for scene in scenes)
     np.testing.assert_array_equal(both.amplitude, alone.amplitude)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.1, 0.2])
+def test_ten_turning_boxes_are_physical_optics_over_their_faces(time: float) -> None:
+    """The boxes of `benches/frame.py`. Each hides at most the outermost degree of its neighbour."""
+    waveform = sweep(64)
+    wavenumbers = 2.0 * np.pi * frequencies(waveform) / SPEED_OF_LIGHT
+    cuboids = []
+    for k in range(10):
+        start = rc.Pose([2.0 + 0.1 * k, 0.3 * k - 1.35, 0.0])
+        motion = rc.Linear(start, velocity=[0.1 * k - 0.5, 0.0, 0.0], angular_velocity=[0.0, 0.1, 0.3 * k])
+        cuboids.append(Cuboid(np.full(3, 0.2), motion.at(time)))
+    expected = np.sum([cuboid.field(wavenumbers)[0] for cuboid in cuboids], axis=0)
+    for options in ({}, {"rcs_floor": 1e-4}):
+        sim = rc.Simulator(
+            rc.Scene(cuboid.body() for cuboid in cuboids),
+            rc.Radar(waveform),
+            field_of_view_deg=(120.0, 60.0),
+            tolerance=1e-9,
+            **options,
+        )
+        got = frame(sim).cube[0, 0].conj()
+        profiles = [np.abs(np.fft.ifft(field * np.hanning(64), 256)) for field in (got, expected)]
+        assert np.linalg.norm(profiles[0] - profiles[1]) <= 0.2 * np.linalg.norm(profiles[1])
+        assert section(got - expected, 2.4, wavenumbers) <= 1e-3
