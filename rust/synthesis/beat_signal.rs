@@ -11,7 +11,7 @@ use crate::synthesis::choose::{Engine, Method, choose};
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::direct;
 use crate::synthesis::doppler_nufft;
-use crate::synthesis::report::{Known, Options, Report, Samples, Sum};
+use crate::synthesis::report::{ErrorBound, Known, Options, Report, Samples, Sum};
 use crate::synthesis::source::PathGroup;
 
 /// Path-samples that are summed in the time that waking a thread of a pool takes.
@@ -83,7 +83,7 @@ pub fn sum_groups(
         let gain = 1.01 * sum.report.gain.max(1.0);
         options.known = Known {
             gain,
-            coherence: sum.coherence,
+            coherence: sum.coherence.max(gain),
             needs_double: sum.report.error.rounding_with_gain(gain) > 0.5 * options.tolerance,
         };
     }
@@ -117,7 +117,10 @@ impl Sum {
         self.report.num_runs = num_runs;
         // Errors allow for what is due to few samples.
         let in_phase = (self.report.gain / waveform.fluctuation()).max(1.0);
-        self.report.total_error = self.report.error.with_gain(in_phase);
+        // Paths that add up for a moment within the frame do so beside its chirps, too.
+        let error = self.report.error;
+        let kernel = error.kernel * (in_phase / self.coherence).max(1.0);
+        self.report.total_error = ErrorBound { kernel, ..error }.with_gain(in_phase);
         if self.report.gain.is_finite() {
             Ok(self)
         } else {

@@ -155,3 +155,28 @@ def test_rounding_of_single_precision_is_as_the_docstring_says(num_paths: int, m
     rounding = 6e-8 * np.sqrt(num_paths)
     assert 0.25 * rounding < error < 1e-6 + rounding
     assert num_paths < 100_000 or rounding == pytest.approx(1.9e-5, rel=0.01)
+
+
+# --- paths that add up for a moment --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("number", "acceleration", "focus"), [(4455, 757.0, 0.5), (1287, 103.0, 1.0), (226, 435.0, 0.5)]
+)
+@pytest.mark.parametrize("method", ["auto", "grid"])
+def test_flash_within_the_frame_is_within_the_tolerance(
+    number: int, acceleration: float, focus: float, method: str
+) -> None:
+    """Paths of equal ranges, in phase at one time and dispersed by their accelerations before and after it."""
+    rng, wf = np.random.default_rng(number), sweep_waveform(64, 64)
+    time = focus * wf.duration
+    velocity = rng.uniform(-1.6, 1.6, number) if number > 1000 else rng.uniform(-0.02, 0.02, number)
+    acceleration_of = rng.uniform(-acceleration, acceleration, number)
+    radius = 2.0 - velocity * time + 0.5 * acceleration_of * time**2
+    delay, rate, bend = (2.0 / C * x for x in (radius, velocity - acceleration_of * time, acceleration_of))
+    amplitude = np.exp(4j * np.pi * wf.start_frequency * 2.0 / C) * np.ones(number)
+    options = {"delay_rate": rate, "delay_acceleration": bend}
+    exact = rc.beat_signal(delay, amplitude, wf, tolerance=1e-12, method="direct", **options)
+    for tolerance in (3e-3, 1e-3, 1e-4):
+        got = rc.beat_signal(delay, amplitude, wf, tolerance=tolerance, method=method, **options)
+        assert np.sqrt(np.mean(np.abs(got - exact) ** 2)) <= tolerance * np.sqrt(number)

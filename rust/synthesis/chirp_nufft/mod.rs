@@ -55,7 +55,12 @@ fn sum_records<T: Number>(waveform: &Waveform, groups: &[PathGroup], options: &O
     Ok(Some(Sum {
         samples: Samples::new(&samples, back, options.tolerance),
         power: plan.errors.iter().map(|errors| errors.power * back * back).collect(),
-        coherence: plan.energies.iter().copied().fold(1.0, f64::max).sqrt(),
+        coherence: plan
+            .energies
+            .iter()
+            .copied()
+            .fold(options.known.coherence.powi(2), f64::max)
+            .sqrt(),
         report: Report {
             is_single: size_of::<T>() == 4,
             width: plan.steps.width,

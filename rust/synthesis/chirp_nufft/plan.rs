@@ -296,7 +296,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     /// Bounds of errors, the largest of all channels.
     fn bound(&self, width: usize, left_out: impl Fn(&Errors<f64>) -> f64) -> ErrorBound {
         let of_all = |bound: &dyn Fn(&Errors<f64>) -> f64| largest(self.errors.iter().map(bound));
-        let energy = largest(self.energies.iter().copied());
+        let energy = largest(self.energies.iter().copied()).max(self.options.known.coherence.powi(2));
         // Cells hold what adds up beside the chirps as well.
         let of_cells = energy.sqrt() * T::OF_CELLS;
         let of_samples = if self.options.tolerance >= SINGLE_TOLERANCE {
