@@ -40,8 +40,8 @@ a static sensor. 3 receivers, 64 chirps, 128 samples, {machine}, two threads. Wr
 "noise" is the core's part of the receiver, "Python" everything outside of the core: placement, truth, checks. "rays"
 is the mean number cast per frame; the others are reused from the previous frame, which a static sensor permits wherever
 nothing moves in view. "paths" is the number of material points. "more than {enough} times" counts the frames whose
-delays need more node times. The last two rows are processor time on one thread: of frames like these, and of a first
-frame, of which nothing is known from a previous one.
+delays need more node times. The last two rows are processor time on one thread: of such frames, and of a first
+frame, which reuses nothing.
 
 {table}
 
