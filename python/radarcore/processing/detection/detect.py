@@ -256,7 +256,7 @@ def detect(
 
 
 @lru_cache(maxsize=16)
-def _nothing(radar: Radar) -> tuple[NDArray[Any], ...]:
+def _nothing(radar: Radar) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[Any]]:
     """Columns, covariance, flags and alternatives of no detections."""
     alternatives = np.empty((0, len(array_of(radar).ambiguities) - 1, 2))
     return np.empty((5, 0)), np.empty((0, 4, 4)), np.empty(0, bool), alternatives
