@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 from unittest import mock
@@ -88,8 +88,8 @@ class Column:
     name: str
     stages: dict[str, np.ndarray]
     counts: dict[str, np.ndarray]
-    cpu: np.ndarray
-    first: np.ndarray
+    cpu: np.ndarray = field(default_factory=lambda: np.empty(0))
+    first: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def scene() -> tuple[rc.Scene, dict[str, Motion], dict[str, int]]:
@@ -130,6 +130,13 @@ def boxes() -> rc.Scene:
         )
         for k in range(10)
     )
+
+
+def column_of(name: str, make: Callable[[int], rc.Simulator], num_frames: int) -> Column:
+    """Stages on two threads, and processor times on one, by simulators of a number of threads."""
+    column = measure(name, make(2), num_frames)
+    column.cpu, column.first = processor_times(make, num_frames)
+    return column
 
 
 def simulator_of(scene: rc.Scene, radar: rc.Radar, settings: dict[str, Any], threads: int) -> rc.Simulator:
@@ -181,9 +188,8 @@ def processor_times(make: Callable[[int], rc.Simulator], num_frames: int) -> tup
     return times, first
 
 
-def measure(name: str, make: Callable[[int], rc.Simulator], num_frames: int) -> Column:
-    """Run times of the stages, and some counts, of frames one after another, by simulators of a number of threads."""
-    simulator = make(2)
+def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
+    """Run times of the stages, and some counts, of frames one after another."""
     simulator.frame(0.0)
     watch = Stopwatch(simulator._engines[0])
     vars(simulator)["_engines"] = [watch]
@@ -205,7 +211,6 @@ def measure(name: str, make: Callable[[int], rc.Simulator], num_frames: int) -> 
         name,
         {key: np.array([times[key] for times in stages]) for key in stages[0]},
         {"rays": rays, "paths": paths, f"more than {ENOUGH_TIMES} times": nodes > ENOUGH_TIMES},
-        *processor_times(make, num_frames),
     )
 
 
@@ -240,8 +245,8 @@ def main() -> None:
     for name, motion in sensors.items():
         for sampling in ("adaptive",) if options.tiny else ("adaptive", "fast"):
             view = {"radar_motion": motion, "field_of_view_deg": (90.0, 60.0), "sampling": sampling}
-            columns.append(measure(f"{name}, {sampling}", partial(simulator_of, bodies, radar, view), num_frames))
-    columns.append(measure("ten boxes", partial(simulator_of, boxes(), radar, {}), num_frames))
+            columns.append(column_of(f"{name}, {sampling}", partial(simulator_of, bodies, radar, view), num_frames))
+    columns.append(column_of("ten boxes", partial(simulator_of, boxes(), radar, {}), num_frames))
     text = table(["stage", *(column.name for column in columns)], rows(columns))
     print(text, end="\n\n")
     shape = (24, 32) if options.tiny else (240, 320)
