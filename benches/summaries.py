@@ -1,4 +1,4 @@
-"""Where numbers of benches/results stand on the summary pages; `python benches/page.py --write` puts them there.
+"""Places of numbers of benches/results on the summary pages; `python benches/page.py --write` puts them there.
 
 Every bench that writes a table does so, too.
 """

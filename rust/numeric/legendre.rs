@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-/// Nodes of Gauss's quadrature on -1 ..= 1, and the coefficients that values there tell.
+/// Nodes of Gauss's quadrature on -1 ..= 1, and the weights of values there in Legendre coefficients.
 #[derive(Clone, Debug)]
 pub struct Nodes<const N: usize> {
     /// Places of the nodes.
-    pub times: Vec<f64>,
+    pub places: Vec<f64>,
     /// Weights of the nodes in the coefficients of the Legendre polynomials (node, degree).
     pub weights: Vec<[f64; N]>,
 }
@@ -14,7 +14,7 @@ pub struct Nodes<const N: usize> {
 impl<const N: usize> Nodes<N> {
     /// Nodes that determine the coefficients of the polynomials, one per polynomial.
     pub fn new(number: usize) -> Self {
-        let (mut times, mut weights) = (Vec::new(), Vec::new());
+        let (mut places, mut weights) = (Vec::new(), Vec::new());
         let norm = |n: usize| ((2 * n + 1) as f64).sqrt();
         for j in 0..number {
             let mut u = (PI * (j as f64 + 0.75) / (number as f64 + 0.5)).cos();
@@ -27,15 +27,15 @@ impl<const N: usize> Nodes<N> {
                 u -= value / slope;
             }
             let weight = ((1.0 - u * u) * slope * slope).recip();
-            times.push(u);
+            places.push(u);
             weights.push(legendre(u).map(|value| weight * value));
         }
-        Self { times, weights }
+        Self { places, weights }
     }
 
     /// Coefficient of a Legendre polynomial of a function of the node.
     pub fn coefficient(&self, degree: usize, value: impl Fn(usize) -> f64) -> f64 {
-        (0..self.times.len()).map(|j| self.weights[j][degree] * value(j)).sum()
+        (0..self.places.len()).map(|j| self.weights[j][degree] * value(j)).sum()
     }
 }
 

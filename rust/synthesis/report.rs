@@ -34,7 +34,8 @@ pub struct Options<'a> {
 pub struct Known {
     /// Largest rms of the samples of a channel, relative to its l2(amplitudes); at least 1.
     pub gain: f64,
-    /// Root of the largest [energy](crate::synthesis::coherence::CellSums::energy) of the paths of a channel beside the frame.
+    /// Root of the largest [energy](crate::synthesis::coherence::CellSums::energy) of the paths of a channel beside the
+    /// frame, or the gain where that is larger.
     pub coherence: f64,
     /// True if single precision was too coarse.
     pub needs_double: bool,

@@ -167,7 +167,7 @@ impl Contours {
             let body = cells.body[cell];
             let flat = sector.scene.surface(body).flat_regions();
             let region = flat.and_then(|flat| flat.of_triangle(cells.triangle[cell]));
-            // Exact in single precision, as a body has at most 255 regions.
+            // Exact in single precision, as a body has at most 255 regions. From 65 536 bodies on, some share a number.
             cells.surface[cell] = body | region.map_or(0, |region| region as u32 + 1) << 16;
             if region.is_some_and(|region| self.is_contour[body as usize].get(region) == Some(&true)) {
                 cells.remove(cell);

@@ -75,20 +75,23 @@ pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Features<V>, b: &Features<
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let phase = b[PHASE].sub(a[PHASE]).add(a[SLOPE + axis]).add(b[SLOPE + axis]);
     let change = magnitude(b[SLOPE].sub(a[SLOPE])).add(magnitude(b[SLOPE + 1].sub(a[SLOPE + 1])));
-    let is_one = a[SURFACE].equal(b[SURFACE]);
-    let other_surface = zero.select(is_one, V::splat(OTHER_SURFACE));
+    let is_same = a[SURFACE].equal(b[SURFACE]);
+    let other_surface = zero.select(is_same, V::splat(OTHER_SURFACE));
     let residual = magnitude(phase).add(change.mul(V::splat(0.25))).add(other_surface);
     let is_silhouette = zero.at_most(a[SURFACE]) ^ zero.at_most(b[SURFACE]);
     let is_edge = is_silhouette | one.at_most(residual);
     let scale = a[ALIAS_SCALE].max(b[ALIAS_SCALE]);
     // A stationary point may lie between slopes of opposite signs: of one surface, or within a cell that is not steep.
-    let is_crossed = |cell: &Features<V>| is_one | one.at_most(cell[ALIAS_SCALE]);
+    let may_reflect = [
+        is_same | one.at_most(a[ALIAS_SCALE]),
+        is_same | one.at_most(b[ALIAS_SCALE]),
+    ];
     let mut damping = [one; 2];
     for axis in 0..2 {
         let is_steady = zero.at_most(a[SLOPE + axis].mul(b[SLOPE + axis]));
-        for (damping, cell) in damping.iter_mut().zip([a, b]) {
-            let factor = scale.select(is_steady | !is_crossed(cell), zero);
-            *damping = damping.mul(one.add(cell[LEAST + axis].mul(factor)));
+        for (cell, features) in [a, b].into_iter().enumerate() {
+            let factor = scale.select(is_steady | !may_reflect[cell], zero);
+            damping[cell] = damping[cell].mul(one.add(features[LEAST + axis].mul(factor)));
         }
     }
     let field = a[FIELD].div(damping[0]).max(b[FIELD].div(damping[1]));

@@ -14,7 +14,8 @@ use crate::synthesis::chunk::Block;
 /// Nodes of fast time.
 pub type Nodes = legendre::Nodes<MAX_ORDERS>;
 
-/// Chirps of a block that tell orders of fast time, its ends among them: Chebyshev polynomials change most there.
+/// Chirps of a block at which orders of fast time are measured, its ends among them: Chebyshev polynomials change most
+/// there.
 const NUM_CHIRPS: usize = 5;
 
 /// Constants of a frame: the same for all paths and channels.
@@ -79,7 +80,7 @@ impl<'a> FastTime<'a> {
     ) -> [[f64; MAX_ORDERS]; MAX_TURNS + 1] {
         let middle = self.waveform.chirp_times[chirp] + self.waveform.middle_time();
         let mut values = [[0.0; MAX_ORDERS]; MAX_TURNS + 1];
-        for (j, u) in nodes.times.iter().enumerate() {
+        for (j, u) in nodes.places.iter().enumerate() {
             let x = block.x(middle + u * self.waveform.half_sweep());
             (values[0][j], values[1][j]) = (1.0, x);
             for k in 2..number {
@@ -99,7 +100,7 @@ impl<'a> FastTime<'a> {
     ) -> LaneTables<T> {
         let none = [T::zero(); MAX_LANES];
         let [num_turns, num_amplitudes] = counts;
-        let num_nodes = nodes.times.len();
+        let num_nodes = nodes.places.len();
         let mut tables = LaneTables {
             turns: vec![none; 2 * num_turns],
             tones: vec![none; 2 * num_turns],
@@ -120,17 +121,17 @@ impl<'a> FastTime<'a> {
                 // Frequency and delay change together. The slope of the phase has two parts: by the delay, and Doppler.
                 let values = &values[k + 1];
                 let [phase, slope] =
-                    [0, 1].map(|n| nodes.coefficient(n, |j| (1.0 + self.ratio * nodes.times[j]) * values[j]));
+                    [0, 1].map(|n| nodes.coefficient(n, |j| (1.0 + self.ratio * nodes.places[j]) * values[j]));
                 let doppler = 3.0_f64.sqrt() * slope - self.ratio * phase;
                 tables.turns[2 * k][lane] = T::of(phase);
                 tables.turns[2 * k + 1][lane] = T::of(doppler);
                 tables.tones[2 * k][lane] = T::of(phase);
                 tables.tones[2 * k + 1][lane] = T::of(self.cells_per_turn * (doppler + self.ratio * phase));
                 for (tables, degree) in tables.orders.iter_mut().zip(degrees).filter(|(_, degree)| **degree > 1) {
-                    let turns = nodes.coefficient(*degree, |j| (1.0 + self.ratio * nodes.times[j]) * values[j]);
+                    let turns = nodes.coefficient(*degree, |j| (1.0 + self.ratio * nodes.places[j]) * values[j]);
                     tables.phase[k][lane] = T::of(2.0 * PI * turns);
                 }
-                for (j, u) in nodes.times.iter().enumerate() {
+                for (j, u) in nodes.places.iter().enumerate() {
                     tables.node_turns[k * num_nodes + j][lane] = T::of(values[j] - phase - u * doppler);
                 }
             }
@@ -155,7 +156,7 @@ impl<'a> FastTime<'a> {
             let chirp = block.chirps.start + at * last / (NUM_CHIRPS - 1);
             let values = self.chebyshev(block, chirp, number, &nodes);
             for (values, orders) in values.iter().zip(&mut orders) {
-                let phase = |j: usize| (1.0 + self.ratio * nodes.times[j]) * values[j];
+                let phase = |j: usize| (1.0 + self.ratio * nodes.places[j]) * values[j];
                 for n in 1..=T::DEGREE + 2 {
                     let amplitude = nodes.coefficient(n, |j| values[j]);
                     let mut turns = nodes.coefficient(n, phase);

@@ -156,7 +156,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         let num_nodes = if self.steps.is_first_order {
             0
         } else {
-            self.nodes.times.len()
+            self.nodes.places.len()
         };
         for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
             let num_paths = batch.paths_of(number).min(MAX_LANES);
@@ -213,7 +213,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         let im: [_; N] = sum([zero; N], quadrature, path, &tables.node_amplitude);
         let mut values = [[zero; 2]; N];
         for j in 0..N {
-            let u = number::<T, I>(self.nodes.times[j]);
+            let u = number::<T, I>(self.nodes.places[j]);
             let change = doppler.mul_add(u, delay[j]);
             let change_of_frequency = change.neg_mul_add(per_square, ratio.mul(u));
             let phase = change.mul_add(change_of_frequency, received.mul(delay[j]));
