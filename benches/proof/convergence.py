@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 import radarcore as rc
 from proof.bounds import DENSE, PAPER
@@ -124,7 +125,7 @@ def picture(points: list[Point]) -> Figure:
             chosen = [p for p in points if p.target == target and (p.way.sampling, p.way.knob) == curve]
             draw(ax, [1e3 * p.seconds for p in chosen], chosen, style, color, label)
         ax.set_title(target)
-        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set(major_locator=LogLocator(subs=(1.0, 2.0, 5.0)), major_formatter="{x:g}", minor_formatter="")
     top.supxlabel("time of a frame [ms]", fontsize="medium")
     top.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(CURVES))
 
