@@ -108,6 +108,16 @@ def test_things_at_rest_are_no_people() -> None:
     assert Tracker(targets="people").update(seen(POST, 0.0)) == []
 
 
+def test_person_who_walks_across_the_line_of_sight_begins_a_track() -> None:
+    """Only the trunk gives echoes, at up to 0.14 m/s."""
+    places = np.stack([np.full(40, 2.5), np.linspace(-0.45, 0.45, 40)], axis=1)
+    rates = 0.8 * places[:, 1] / np.hypot(*places.T)
+    along_x = rates * np.hypot(*places.T) / places[:, 0]
+    frames = [np.array([[x, y, speed, 30.0]]) for (x, y), speed in zip(places, along_x, strict=True)]
+    (one,) = people_in(frames)
+    np.testing.assert_allclose(one.position[-1, 1], 0.45, rtol=0, atol=0.1)
+
+
 def test_older_track_takes_all_echoes_of_a_body() -> None:
     """A foot beyond the body's extent in the first frame begins a second track, which gets no more detections."""
     frames = walk(4.0, np.full(40, -0.8))

@@ -22,7 +22,7 @@ from radarcore.scene.body import Body
 CLASSES = ("moving", "known", "unknown")
 """Classes of detections: moving, static at a known surface, static elsewhere."""
 
-_STATIC_SPEED = 0.15
+_STATIC_SPEED = 0.1
 """Echoes up to this speed are static [m/s]."""
 
 _SPACING = 0.1
