@@ -57,7 +57,7 @@ TYPED = {
     ),
     "docs/separation.md": "1.6 m/s; 40 Hz; 0.25 m/s; 1.9 m; 1.6 m/s; 0.3 s; 0.3 m; 5 s; 0.5 m; 0.5 m/s; 1 m; 5 s",
     "docs/theory.md": "1 cm; 5 m; 77 GHz; 10 degrees; 0.5 m; 60 GHz",
-    "docs/tracking.md": "0.5 m; 0.8 m; 0.5 m; 3 m/s; 0.15 m/s; 0.8 m; 0.3 m; 0.15 m; 0.5 rad",
+    "docs/tracking.md": "0.5 m; 0.8 m; 0.5 m; 3 m/s; 0.1 m/s; 0.8 m; 0.3 m; 0.15 m; 0.5 rad",
     "docs/truth.md": "0.1 m",
     "docs/velocity.md": "2.3 m/s; 4 GHz; 1 ms",
     "docs/vital-signs.md": "60 GHz; 4 mm; 5 s; 6 frames per second; 10 frames per second; 20 s",
