@@ -162,17 +162,18 @@ def fit_tones(
     peaks: NDArray[np.int64],
     start: NDArray[np.float64],
     series: NDArray[np.float64],
-    lobes: NDArray[np.complex128] | None = None,
+    lobes: NDArray[np.complex128],
     *,
     num_cells: tuple[int, int],
     is_cyclic: bool,
+    has_images: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
     """Offsets (tone, 2), amplitudes (tone, look), energy gains (tone,) and information (tone, 2) of tones about peaks.
 
     `cells` (look, row, column), complex64 or complex128; `peaks` (tone, 2) their rows and columns; `start` (tone, 2)
-    offsets near the tones; `series` as `radarcore.processing.detection.tone.Axes` describes them, for patches of
-    `num_cells` rows and columns. `is_cyclic`: columns go on at the other edge. With `lobes` of the same class, tones
-    beside stronger ones are fitted again after subtraction of these.
+    offsets near the tones; `series` and `lobes` as `radarcore.processing.detection.tone.Axes` describes them, for
+    patches of `num_cells` rows and columns. `is_cyclic`: columns go on at the other edge. Tones beside stronger ones
+    are fitted again after subtraction of these; with `has_images`, those near column 0 after subtraction of conjugates.
     """
 
 def fit_spheres(

@@ -201,21 +201,22 @@ type ToneArrays<'py> = (
 );
 
 /// Fit a tone to the cells about each peak.
-#[pyfunction(signature = (cells, peaks, start, series, lobes=None, *, num_cells, is_cyclic))]
+#[pyfunction(signature = (cells, peaks, start, series, lobes, *, num_cells, is_cyclic, has_images))]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
     cells: AnyCells<'py>,
     peaks: PyReadonlyArray2<'py, i64>,
     start: PyReadonlyArray2<'py, f64>,
     series: PyReadonlyArray4<'py, f64>,
-    lobes: Option<PyReadonlyArray3<'py, Complex<f64>>>,
+    lobes: PyReadonlyArray3<'py, Complex<f64>>,
     num_cells: [usize; 2],
     is_cyclic: bool,
+    has_images: bool,
 ) -> PyResult<ToneArrays<'py>> {
-    let lobes = lobes.as_ref();
+    let (series, lobes, columns) = (&series, &lobes, [is_cyclic, has_images]);
     match cells {
-        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, lobes, num_cells, is_cyclic),
-        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, lobes, num_cells, is_cyclic),
+        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, series, lobes, num_cells, columns),
+        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, series, lobes, num_cells, columns),
     }
 }
 
@@ -225,9 +226,9 @@ fn tones<'py, T: Element + AsPrimitive<f64>>(
     peaks: &PyReadonlyArray2<'py, i64>,
     start: &PyReadonlyArray2<'py, f64>,
     series: &PyReadonlyArray4<'py, f64>,
-    lobes: Option<&PyReadonlyArray3<'py, Complex<f64>>>,
+    lobes: &PyReadonlyArray3<'py, Complex<f64>>,
     num_cells: [usize; 2],
-    is_cyclic: bool,
+    [is_cyclic, has_images]: [bool; 2],
 ) -> PyResult<ToneArrays<'py>>
 where
     Complex<T>: Element,
@@ -244,15 +245,13 @@ where
         values: numbers("cells", cells, [None; 3])?,
         shape: [num_looks, num_rows, num_columns],
         is_cyclic,
+        has_images,
     };
     let axes = Axes {
         series: numbers("series", series, [Some(2), Some(most), None, Some(8 * most)])?,
         most,
         num_cells,
-        lobes: match lobes {
-            Some(lobes) => Some(numbers("lobes", lobes, [Some(2), None, Some(NUM_LOBES)])?),
-            None => None,
-        },
+        lobes: numbers("lobes", lobes, [Some(2), None, Some(NUM_LOBES)])?,
     };
     let peaks = indices("peaks", peaks, [num_rows, num_columns])?;
     let number = peaks.len();

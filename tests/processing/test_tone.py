@@ -50,6 +50,25 @@ def test_tones_are_found_between_cells(
     np.testing.assert_allclose(np.abs(found.amplitude[0]), np.abs(amplitude), rtol=5e-3)
 
 
+def test_real_tones_near_column_0_are_fitted_beside_their_conjugates_and_stronger_ones() -> None:
+    tones, levels, phases = np.array([[17.3, 2.4], [12.2, 4.6], [19.6, 5.3]]), [1.0, 0.01, 0.1], [0.3, 1.9, 4.0]
+    windows = window_weights("window", "hann", 32), window_weights("window", "hann", 64)
+    turns = (tones - [16.0, 0.0]) / [32, 64]
+    n, m = np.ogrid[:32, :64]
+    samples = np.multiply.outer(*windows) * sum(
+        level * np.cos(2.0 * np.pi * (slow * n + fast * m) + phase)
+        for level, (slow, fast), phase in zip(levels, turns, phases, strict=True)
+    )
+    cells = np.fft.fftshift(np.fft.fft2(samples), axes=0)[None, :, :33]
+    peaks, axes = np.rint(tones).astype(np.int64), axes_of(windows, (9, 9))
+    errors = [
+        np.abs(fit(cells, peaks, np.zeros((3, 2)), axes, is_cyclic=False, has_images=has_images).offset - tones + peaks)
+        for has_images in (True, False)
+    ]
+    assert errors[0].max() < 2e-3
+    assert errors[1].max() > 2e-2
+
+
 def test_cells_outside_of_a_map_are_refused() -> None:
     map_ = power((4, 5))
     outside = np.array([[1, 5]])
@@ -61,7 +80,8 @@ def test_cells_outside_of_a_map_are_refused() -> None:
         _core.between_cells(map_.T, all_cells((2, 2)), is_cyclic=True)
     series = np.zeros((2, 3, 2, 24))
     cells, start = map_[None].astype(np.complex64), np.zeros((1, 2))
+    lobes, columns = np.zeros((2, 3, 33), np.complex128), {"is_cyclic": True, "has_images": False}
     with pytest.raises(ValueError, match=r"num_cells: expected 1 to 4 and 1 to 5, got \[5, 3\]"):
-        _core.fit_tones(cells, outside, start, series, num_cells=(5, 3), is_cyclic=True)
+        _core.fit_tones(cells, outside, start, series, lobes, num_cells=(5, 3), **columns)
     with pytest.raises(ValueError, match=r"series: expected shape \(2, 3, n, 24\), got \(2, 3, 2, 23\)"):
-        _core.fit_tones(cells, outside, start, series[..., 1:].copy(), num_cells=(3, 3), is_cyclic=True)
+        _core.fit_tones(cells, outside, start, series[..., 1:].copy(), lobes, num_cells=(3, 3), **columns)

@@ -24,7 +24,7 @@ from radarcore.processing.detection.map import (
     settings_of,
 )
 from radarcore.processing.detection.point_cloud import Detections, detections_of
-from radarcore.processing.detection.tone import fit, refit_near
+from radarcore.processing.detection.tone import fit
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame
 from radarcore.processing.spectra.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
 from radarcore.processing.spectra.spectra import fast_spectrum, transformed
@@ -213,10 +213,8 @@ def detect(
     noise = _core.training_medians(trained, peaks - np.array([0, search.first]), **cells_around)
     noise /= median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
-    tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq, subtract_stronger=True)
-    if layout.has_range and not (layout.is_iq or subtract_mean or bands):
-        windows = layout.slow, layout.fast
-        tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
+    has_images = layout.has_range and not (layout.is_iq or subtract_mean or bands)
+    tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq, has_images=has_images)
     matched = np.vecdot(tones.amplitude, tones.amplitude).real * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels, without the noise in the fit
     in_cell = snr / tones.energy_gain * (layout.gain / len(cells))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import factorial
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.products import product
 
 REACH = 4
 """Cells used on each side of the peak. With Hann windows over both axes the standard deviation is 1.26 to 1.34 times
@@ -20,12 +18,6 @@ attenuated by the window's sidelobes."""
 
 _FARTHEST = 4 * REACH
 """Cells from the middle of a tone to the farthest cell of a tone nearby."""
-
-_MIRRORED = 6.0
-"""Last column where the mirror image of a real tone disturbs its fit; farther on a Hann window attenuates by 60 dB."""
-
-_NUM_REFITS = 2
-"""Refits after subtraction of the mirror images of the previous fit; each reduces the error by a factor of 100."""
 
 _DEGREE = 24
 """Degree of the polynomials; their error is pi^25 / 25! = 2e-13 for a peak one cell from the middle."""
@@ -131,9 +123,12 @@ def fit(
     axes: Axes,
     *,
     is_cyclic: bool,
-    subtract_stronger: bool = False,
+    has_images: bool = False,
 ) -> Fit:
     """Fit one tone to the cells around each peak.
+
+    Tones beside stronger ones are refitted after subtraction of these: their lobes are in the same cells. Otherwise the
+    weak echo of a person beside a wall gets the direction of the wall.
 
     Parameters
     ----------
@@ -146,71 +141,20 @@ def fit(
     axes : Axes
     is_cyclic : bool
         Columns wrap around at the edges, as rows do; otherwise only cells inside of the edges are used.
-    subtract_stronger : bool
-        Refit tones beside stronger ones after subtraction of these: their lobes are in the same cells. Otherwise the
-        weak echo of a person beside a wall gets the direction of the wall.
+    has_images : bool
+        Tones are real. A real tone is a complex tone plus its conjugate, and their main lobes overlap near column 0:
+        tones there are refitted after subtraction of the conjugates.
     """
-    both = np.ascontiguousarray(peaks, dtype=np.int64), np.ascontiguousarray(start)
-    map_ = np.ascontiguousarray(cells)
-    lobes = axes.lobes if subtract_stronger else None
-    return Fit(*_core.fit_tones(map_, *both, axes.series, lobes, num_cells=axes.num_cells, is_cyclic=is_cyclic))
-
-
-@lru_cache(maxsize=16)
-def _transform(length: int, num_cells: int, first: int) -> NDArray[np.complex128]:
-    """DFT matrix from samples (length,) to cells (num_cells,); the cell `first` is at zero frequency."""
-    return np.exp(-2j * np.pi / length * np.multiply.outer(np.arange(length), np.arange(num_cells) - first))
-
-
-def refit_near(
-    cells: NDArray[Any],
-    peaks: NDArray[np.intp],
-    tones: Fit,
-    axes: Axes,
-    windows: tuple[NDArray[np.float64], NDArray[np.float64]],
-    *,
-    is_conjugate: bool,
-) -> Fit:
-    """Tones of real samples: tones near column 0 are refitted after subtraction of all mirror images.
-
-    A real tone is a complex tone plus its conjugate; their main lobes overlap near column 0.
-
-    Parameters
-    ----------
-    cells, peaks, axes
-        As in `fit`.
-    tones : Fit
-        Result of `fit`.
-    windows : (slow, fast) float64
-        Windows before the transforms to rows and columns.
-    is_conjugate : bool
-        As in `axes_of`.
-    """
-    is_near = peaks[:, 1] <= _MIRRORED
-    if not is_near.any():
-        return tones
-    near, found = peaks[is_near], tones
-    offset, amplitude = tones.offset[is_near], tones.amplitude[is_near]
-    reach = min(cells.shape[-1], int(_MIRRORED) + REACH + 1)
-    middle = cells.shape[-2] // 2, 0
-    transforms = [
-        _transform(len(weights), number, first)
-        for weights, number, first in zip(windows, (cells.shape[-2], reach), middle, strict=True)
-    ]
-    for _ in range(_NUM_REFITS):
-        images = []
-        for axis, weights in enumerate(windows):
-            n = np.arange(len(weights))
-            turns = np.multiply.outer(near[:, axis] - middle[axis] + offset[:, axis], n)
-            turns -= offset[:, axis, None] * np.average(n, weights=weights)
-            images.append(product(np.exp(-2j * np.pi / len(n) * turns) * weights, transforms[axis]))
-        rows, columns = images[0], images[1].conj() if is_conjugate else images[1]
-        both = (rows[:, :, None] * columns[:, None]).reshape(len(near), -1)
-        alone = cells.copy()
-        alone[..., :reach] -= product(amplitude.conj().T, both).reshape(-1, rows.shape[1], reach)
-        found = fit(alone, near, offset, axes, is_cyclic=False)
-        offset, amplitude = found.offset, found.amplitude
-    result = Fit(**{name: values.copy() for name, values in vars(tones).items()})
-    for name, values in vars(result).items():
-        values[is_near] = getattr(found, name)
-    return result
+    map_, middles = np.ascontiguousarray(cells), np.ascontiguousarray(peaks, dtype=np.int64)
+    return Fit(
+        *_core.fit_tones(
+            map_,
+            middles,
+            np.ascontiguousarray(start),
+            axes.series,
+            axes.lobes,
+            num_cells=axes.num_cells,
+            is_cyclic=is_cyclic,
+            has_images=has_images,
+        )
+    )
