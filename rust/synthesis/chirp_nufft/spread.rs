@@ -58,18 +58,24 @@ fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
 /// nearest to paths whose phases are curved.
 const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
 
-/// Add the coefficients of a path times `N` tables of chirps each.
+/// Paths whose places and strengths are computed together: each waits less for the one before.
+const AT_ONCE: usize = 4;
+
+/// Add the coefficients of some paths times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
-fn sum<V: Vector, const N: usize>(
-    mut sums: [V; N],
+fn sum<V: Vector, const N: usize, const P: usize>(
+    mut sums: [[V; N]; P],
     rows: &[LaneRow<V::Scalar>],
-    path: usize,
+    paths: usize,
     tables: &[LaneRow<V::Scalar>],
-) -> [V; N] {
-    for (row, tables) in rows.iter().zip(tables.chunks_exact(N)) {
-        let own = V::splat(row[path]);
+) -> [[V; N]; P] {
+    for (row, tables) in rows.iter().zip(tables.as_chunks::<N>().0) {
+        let own = &row.as_chunks::<P>().0[paths];
         for j in 0..N {
-            sums[j] = own.mul_add(V::load(&tables[j]), sums[j]);
+            let table = V::load(&tables[j]);
+            for i in 0..P {
+                sums[i][j] = V::splat(own[i]).mul_add(table, sums[i][j]);
+            }
         }
     }
     sums
@@ -151,8 +157,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         tables: &LaneTables<T>,
         grids: &mut [Vec<T>],
     ) {
-        let mut strengths = [[number::<T, I>(0.0); 2]; MAX_DEGREE + 1];
-        let strengths = &mut strengths[..grids.len()];
+        let mut strengths = [[[number::<T, I>(0.0); 2]; MAX_DEGREE + 1]; AT_ONCE];
         let num_nodes = if self.steps.is_first_order {
             0
         } else {
@@ -169,9 +174,18 @@ impl<'a, T: Number> Spreading<'a, T> {
             let (in_phase, quadrature) = amplitudes.split_at(batch.counts[1]);
             let used = batch.used[block][number];
             let rows = [&delays[..used[0]], &in_phase[..used[1]], &quadrature[..used[2]]];
+            if num_nodes == 0 {
+                for at in (0..num_paths).step_by(AT_ONCE) {
+                    let places = first_order::<T, I>(head, rows, at / AT_ONCE, tables, &mut strengths);
+                    for i in 0..AT_ONCE.min(num_paths - at) {
+                        self.add_path::<I, W>(head[CELL][at + i], places[i], &strengths[i], grids);
+                    }
+                }
+                continue;
+            }
             for path in 0..num_paths {
+                let strengths = &mut strengths[0][..grids.len()];
                 let place = match num_nodes {
-                    0 => first_order::<T, I>(head, rows, path, tables, strengths),
                     2 => self.expand::<I, 2>(head, rows, path, tables, strengths),
                     3 => self.expand::<I, 3>(head, rows, path, tables, strengths),
                     5 => self.expand::<I, 5>(head, rows, path, tables, strengths),
@@ -202,15 +216,15 @@ impl<'a, T: Number> Spreading<'a, T> {
             .mul(number::<T, I>(self.fast_time.per_square));
         let twice = per_square.add(per_square);
         // Delay [turns] and Doppler in the middle of every chirp, and the tone.
-        let [turns, doppler] = sum([zero; 2], delays, path, &tables.turns);
+        let [[turns, doppler]] = sum([[zero; 2]], delays, path, &tables.turns);
         let square = turns.mul(turns);
         let tone = cos_sin::<T, I>(square.neg_mul_add(per_square, phase.add(turns)));
         let received = turns.neg_mul_add(twice, number::<T, I>(1.0));
         let slope = received.mul_add(doppler, ratio.mul(turns));
         // Phases beside the tone, from delays beside the tone.
-        let delay: [_; N] = sum([zero; N], delays, path, &tables.node_turns);
-        let re: [_; N] = sum([zero; N], in_phase, path, &tables.node_amplitude);
-        let im: [_; N] = sum([zero; N], quadrature, path, &tables.node_amplitude);
+        let [delay] = sum([[zero; N]], delays, path, &tables.node_turns);
+        let [re] = sum([[zero; N]], in_phase, path, &tables.node_amplitude);
+        let [im] = sum([[zero; N]], quadrature, path, &tables.node_amplitude);
         let mut values = [[zero; 2]; N];
         for j in 0..N {
             let u = number::<T, I>(self.nodes.places[j]);
@@ -315,37 +329,49 @@ impl<'a, T: Number> Spreading<'a, T> {
     }
 }
 
-/// Place of a path on the grids [cells after the path's] in the chirps of all lanes, and its strengths, to the first
-/// order of changes within a chirp.
+/// Places of some paths on the grids [cells after the path's] in the chirps of all lanes, and their strengths, to the
+/// first order of changes within a chirp.
 #[cfg_attr(optimised, inline(always))]
 fn first_order<T: Number, I: Isa>(
     head: &[LaneRow<T>],
     [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
-    path: usize,
+    paths: usize,
     tables: &LaneTables<T>,
-    strengths: &mut [[T::In<I>; 2]],
-) -> T::In<I> {
-    let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
-    let middle = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
-    let [phase, place] = sum(middle, delays, path, &tables.tones);
-    let tone = cos_sin::<T, I>(phase);
-    let mut first = [zero; 2];
-    for (grid, (strength, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
-        let [re] = sum([zero], in_phase, path, &tables.amplitude);
-        let [im] = sum([zero], quadrature, path, &tables.amplitude);
-        *strength = modulated(tone, [re, im], quadrature.is_empty());
-        if grid == 0 {
-            first = *strength;
+    strengths: &mut [[[T::In<I>; 2]; MAX_DEGREE + 1]; AT_ONCE],
+) -> [T::In<I>; AT_ONCE] {
+    let zero = number::<T, I>(0.0);
+    let [phases, offsets] = [PHASE, OFFSET].map(|row| &head[row].as_chunks::<AT_ONCE>().0[paths]);
+    let (mut tones, mut places) = ([[zero; 2]; AT_ONCE], [zero; AT_ONCE]);
+    for i in 0..AT_ONCE {
+        tones[i] = [<T::In<I>>::splat(phases[i]), <T::In<I>>::splat(offsets[i])];
+    }
+    tones = sum(tones, delays, paths, &tables.tones);
+    for i in 0..AT_ONCE {
+        places[i] = tones[i][1];
+        tones[i] = cos_sin::<T, I>(tones[i][0]);
+    }
+    for (grid, tables) in tables.orders.iter().enumerate() {
+        let re = sum([[zero]; AT_ONCE], in_phase, paths, &tables.amplitude);
+        let im = sum([[zero]; AT_ONCE], quadrature, paths, &tables.amplitude);
+        // A small phase turns the tone.
+        let turned = if grid == 0 {
+            [[zero]; AT_ONCE]
         } else {
-            // A small phase turns the tone.
-            let [turned] = sum([zero], delays, path, &tables.phase);
-            *strength = [
-                turned.neg_mul_add(first[1], strength[0]),
-                turned.mul_add(first[0], strength[1]),
-            ];
+            sum([[zero]; AT_ONCE], delays, paths, &tables.phase)
+        };
+        for i in 0..AT_ONCE {
+            let mut strength = modulated(tones[i], [re[i][0], im[i][0]], quadrature.is_empty());
+            if grid > 0 {
+                let first = strengths[i][0];
+                strength = [
+                    turned[i][0].neg_mul_add(first[1], strength[0]),
+                    turned[i][0].mul_add(first[0], strength[1]),
+                ];
+            }
+            strengths[i][grid] = strength;
         }
     }
-    place
+    places
 }
 
 fn kernel(width: usize, fast_time: &FastTime) -> KaiserBessel {
