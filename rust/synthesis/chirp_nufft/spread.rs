@@ -9,7 +9,7 @@ use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
 use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE, STATIC};
 use crate::numeric::kaiser_bessel::{KaiserBessel, Taps};
-use crate::numeric::simd::{Isa, Vector, add_window};
+use crate::numeric::simd::{Isa, Real, Vector, add_window};
 use crate::numeric::trig::cos_sin_quarter;
 use crate::numeric::wide::{cos_sin_of, number, product};
 
@@ -58,10 +58,11 @@ fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
 /// nearest to paths whose phases are curved.
 const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
 
-/// Paths whose places and strengths are computed together: each waits less for the one before.
-const AT_ONCE: usize = 4;
+/// Most paths that are added at once, and the strengths of each by grid.
+const MOST_AT_ONCE: usize = 4;
+type Strengths<V> = [[[V; 2]; MAX_DEGREE + 1]; MOST_AT_ONCE];
 
-/// Add the coefficients of some paths times `N` tables of chirps each.
+/// Add the coefficients of some `P` paths, by their number, times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
 fn sum<V: Vector, const N: usize, const P: usize>(
     mut sums: [[V; N]; P],
@@ -82,7 +83,7 @@ fn sum<V: Vector, const N: usize, const P: usize>(
 }
 
 /// Steps of a sum.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Steps {
     /// Width of the kernel [cells].
     pub width: usize,
@@ -157,12 +158,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         tables: &LaneTables<T>,
         grids: &mut [Vec<T>],
     ) {
-        let mut strengths = [[[number::<T, I>(0.0); 2]; MAX_DEGREE + 1]; AT_ONCE];
-        let num_nodes = if self.steps.is_first_order {
-            0
-        } else {
-            self.nodes.places.len()
-        };
+        let mut strengths = [[[number::<T, I>(0.0); 2]; MAX_DEGREE + 1]; MOST_AT_ONCE];
         for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
             let num_paths = batch.paths_of(number).min(MAX_LANES);
             if batch.counts == STATIC {
@@ -174,18 +170,18 @@ impl<'a, T: Number> Spreading<'a, T> {
             let (in_phase, quadrature) = amplitudes.split_at(batch.counts[1]);
             let used = batch.used[block][number];
             let rows = [&delays[..used[0]], &in_phase[..used[1]], &quadrature[..used[2]]];
-            if num_nodes == 0 {
-                for at in (0..num_paths).step_by(AT_ONCE) {
-                    let places = first_order::<T, I>(head, rows, at / AT_ONCE, tables, &mut strengths);
-                    for i in 0..AT_ONCE.min(num_paths - at) {
-                        self.add_path::<I, W>(head[CELL][at + i], places[i], &strengths[i], grids);
-                    }
+            if self.steps.is_first_order {
+                // More at once would not fit into the registers.
+                if I::IS_REGISTER {
+                    self.add_first_order::<I, W, 4>(head, rows, num_paths, tables, (&mut strengths, grids));
+                } else {
+                    self.add_first_order::<I, W, 2>(head, rows, num_paths, tables, (&mut strengths, grids));
                 }
                 continue;
             }
             for path in 0..num_paths {
                 let strengths = &mut strengths[0][..grids.len()];
-                let place = match num_nodes {
+                let place = match self.nodes.places.len() {
                     2 => self.expand::<I, 2>(head, rows, path, tables, strengths),
                     3 => self.expand::<I, 3>(head, rows, path, tables, strengths),
                     5 => self.expand::<I, 5>(head, rows, path, tables, strengths),
@@ -193,6 +189,47 @@ impl<'a, T: Number> Spreading<'a, T> {
                     _ => unreachable!("numbers of nodes are these"),
                 };
                 self.add_path::<I, W>(head[CELL][path], place, strengths, grids);
+            }
+        }
+    }
+
+    /// Add the paths of a record, `P` at once: they share tables. To the first order of changes within a chirp.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_first_order<I: Isa, const W: usize, const P: usize>(
+        &self,
+        head: &[LaneRow<T>],
+        [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
+        num_paths: usize,
+        tables: &LaneTables<T>,
+        (strengths, grids): (&mut Strengths<T::In<I>>, &mut [Vec<T>]),
+    ) {
+        let (splat, none) = (<T::In<I>>::splat, [[number::<T, I>(0.0)]; P]);
+        for at in (0..num_paths).step_by(P) {
+            let [mut tones, mut phasors] = [[[none[0][0]; 2]; P]; 2];
+            for i in 0..P {
+                tones[i] = [splat(head[PHASE][at + i]), splat(head[OFFSET][at + i])];
+            }
+            // Phases [turns] and places [cells after the path's] in every chirp.
+            let tones = sum(tones, delays, at / P, &tables.tones);
+            for i in 0..P {
+                phasors[i] = cos_sin::<T, I>(tones[i][0]);
+            }
+            for (grid, tables) in tables.orders.iter().enumerate() {
+                let re = sum(none, in_phase, at / P, &tables.amplitude);
+                let im = sum(none, quadrature, at / P, &tables.amplitude);
+                let turned = sum(none, if grid == 0 { &[] } else { delays }, at / P, &tables.phase);
+                for i in 0..P {
+                    let mut strength = modulated(phasors[i], [re[i][0], im[i][0]], quadrature.is_empty());
+                    if grid > 0 {
+                        // A small phase turns the tone.
+                        let ([x, y], [turned]) = (strengths[i][0], turned[i]);
+                        strength = [turned.neg_mul_add(y, strength[0]), turned.mul_add(x, strength[1])];
+                    }
+                    strengths[i][grid] = strength;
+                }
+            }
+            for i in 0..P.min(num_paths - at) {
+                self.add_path::<I, W>(head[CELL][at + i], tones[i][1], &strengths[i], grids);
             }
         }
     }
@@ -325,53 +362,9 @@ impl<'a, T: Number> Spreading<'a, T> {
     /// Cell of the grid that is some cells after another one.
     #[cfg_attr(optimised, inline(always))]
     fn cell(&self, cell: T, after: T) -> usize {
-        (cell + after).wide() as isize as usize & (self.fast_time.num_cells - 1)
+        // The lowest bits of an integer beside a large constant.
+        (f64::ROUND + (cell + after).wide()).to_bits() as usize & (self.fast_time.num_cells - 1)
     }
-}
-
-/// Places of some paths on the grids [cells after the path's] in the chirps of all lanes, and their strengths, to the
-/// first order of changes within a chirp.
-#[cfg_attr(optimised, inline(always))]
-fn first_order<T: Number, I: Isa>(
-    head: &[LaneRow<T>],
-    [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
-    paths: usize,
-    tables: &LaneTables<T>,
-    strengths: &mut [[[T::In<I>; 2]; MAX_DEGREE + 1]; AT_ONCE],
-) -> [T::In<I>; AT_ONCE] {
-    let zero = number::<T, I>(0.0);
-    let [phases, offsets] = [PHASE, OFFSET].map(|row| &head[row].as_chunks::<AT_ONCE>().0[paths]);
-    let (mut tones, mut places) = ([[zero; 2]; AT_ONCE], [zero; AT_ONCE]);
-    for i in 0..AT_ONCE {
-        tones[i] = [<T::In<I>>::splat(phases[i]), <T::In<I>>::splat(offsets[i])];
-    }
-    tones = sum(tones, delays, paths, &tables.tones);
-    for i in 0..AT_ONCE {
-        places[i] = tones[i][1];
-        tones[i] = cos_sin::<T, I>(tones[i][0]);
-    }
-    for (grid, tables) in tables.orders.iter().enumerate() {
-        let re = sum([[zero]; AT_ONCE], in_phase, paths, &tables.amplitude);
-        let im = sum([[zero]; AT_ONCE], quadrature, paths, &tables.amplitude);
-        // A small phase turns the tone.
-        let turned = if grid == 0 {
-            [[zero]; AT_ONCE]
-        } else {
-            sum([[zero]; AT_ONCE], delays, paths, &tables.phase)
-        };
-        for i in 0..AT_ONCE {
-            let mut strength = modulated(tones[i], [re[i][0], im[i][0]], quadrature.is_empty());
-            if grid > 0 {
-                let first = strengths[i][0];
-                strength = [
-                    turned[i][0].neg_mul_add(first[1], strength[0]),
-                    turned[i][0].mul_add(first[0], strength[1]),
-                ];
-            }
-            strengths[i][grid] = strength;
-        }
-    }
-    places
 }
 
 fn kernel(width: usize, fast_time: &FastTime) -> KaiserBessel {
