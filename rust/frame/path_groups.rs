@@ -151,19 +151,20 @@ impl PathGroups {
             if group.motion == Motion::Static {
                 return at(NodeTimes::ONCE);
             }
-            let (num_channels, tolerance) = (model.array.num_channels(), model.settings.tolerance);
+            let probe = |number| {
+                let probed = NodeTimes {
+                    delays: number,
+                    amplitudes: number,
+                    ..NodeTimes::ONCE
+                };
+                at(probed).probe()
+            };
+            let (num_channels, frequency) = (model.array.num_channels(), model.highest_frequency());
             at(node_times::choose(
                 num_channels,
-                model.highest_frequency(),
-                tolerance,
-                |number| {
-                    let probed = NodeTimes {
-                        delays: number,
-                        amplitudes: number,
-                        ..NodeTimes::ONCE
-                    };
-                    at(probed).probe()
-                },
+                frequency,
+                model.settings.tolerance,
+                probe,
             ))
         })
     }
@@ -195,14 +196,10 @@ impl PathGroups {
             };
             let all = (0..num_channels * num_paths).into_par_iter();
             let delay_rates: Vec<f64> = all.map(delay_rate).collect();
-            let mut chunk = Chunk::<f64>::new(&paths.shape(), num_channels);
-            for first in (0..num_paths).step_by(CHUNK) {
-                let request = Request {
-                    channels: 0..num_channels,
-                    paths: first..num_paths.min(first + CHUNK),
-                    scale: 1.0,
-                    level: model.settings.debug.level,
-                };
+            let (shape, level) = (paths.shape(), model.settings.debug.level);
+            let mut chunk = Chunk::<f64>::new(&shape, num_channels);
+            for number in 0..num_paths.div_ceil(CHUNK) {
+                let request = Request::of_chunk(number, &shape, 0..num_channels, 1.0, level);
                 paths.fill_double(&request, &mut chunk);
                 for (channel, rows) in per_channel.iter_mut().enumerate() {
                     for (lane, path) in request.paths.clone().enumerate() {
@@ -370,10 +367,8 @@ impl PathSource for PathsAtNodes<'_> {
 pub fn motions(model: &Model, motion: &Kinematics, span: &Span) -> Vec<Motion> {
     let within = (span.half < 1.0).then(|| motion.over(&span.node_times(motion.num_times()), |_| true));
     let length = SMOOTH_SHARE * model.settings.tolerance / model.phase_per_length();
-    let mut motions = within
-        .as_ref()
-        .unwrap_or(motion)
-        .motions(SMOOTH_TIMES, length, &model.radii);
+    let motion = within.as_ref().unwrap_or(motion);
+    let mut motions = motion.motions(SMOOTH_TIMES, length, &model.radii);
     if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
         // The surface of a pixel moves on at the range rate of the pixel.
         for motion in &mut motions {

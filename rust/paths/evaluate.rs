@@ -64,14 +64,8 @@ impl<T: Precision> Kernel for Evaluate<'_, T> {
                 let path = |kinematics: &Kinematics, time, channel, path| {
                     self.scatterers.path(kinematics, time, channel, path)
                 };
-                fill_one_by_one(
-                    path,
-                    self.nodes,
-                    numbers,
-                    first..first + count,
-                    self.request,
-                    self.chunk,
-                );
+                let lanes = first..first + count;
+                fill_one_by_one(path, self.nodes, numbers, lanes, self.request, self.chunk);
                 continue;
             };
             self.fill_delays::<I>(&points, first, &mut distances);
@@ -79,11 +73,8 @@ impl<T: Precision> Kernel for Evaluate<'_, T> {
             self.fill_amplitudes::<I>(&points, first, &weights, &mut sights);
         }
         self.chunk.num_paths = numbers.len();
-        finish(
-            self.chunk,
-            self.nodes.map(Kinematics::num_times),
-            self.request.channels.len(),
-        );
+        let num_nodes = self.nodes.map(Kinematics::num_times);
+        finish(self.chunk, num_nodes, self.request.channels.len());
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use num_complex::Complex64;
 
 use crate::error::Error;
-use crate::numeric::simd::Precision;
+use crate::numeric::simd::{Precision, prefetch};
 use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::source::{PathSource, Request, Shape};
@@ -89,6 +89,17 @@ impl<'a> ArrayPaths<'a> {
                 }
                 re[places.len()..].fill(T::zero());
                 im[places.len()..].fill(T::zero());
+            }
+            if shape.delay_rows > 2 && numbers.is_none() {
+                // Many rows are read in turns, so that the processor does not foresee the next chunk.
+                let next = first + places.end;
+                let delays = arrays.delay.iter().filter_map(|row| row[next..].first_chunk::<CHUNK>());
+                delays.for_each(prefetch);
+                let amplitudes = arrays
+                    .amplitude
+                    .iter()
+                    .filter_map(|row| row[next..].first_chunk::<CHUNK>());
+                amplitudes.for_each(prefetch);
             }
         }
     }

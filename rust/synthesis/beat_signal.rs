@@ -11,7 +11,7 @@ use crate::synthesis::choose::{Engine, Method, choose};
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::direct;
 use crate::synthesis::doppler_nufft;
-use crate::synthesis::report::{ErrorBound, Known, Options, Report, Samples, Sum};
+use crate::synthesis::report::{ErrorBound, Known, Options, Report, Samples, Sum, largest};
 use crate::synthesis::source::PathGroup;
 
 /// Path-samples that are summed in the time that waking a thread of a pool takes.
@@ -112,8 +112,7 @@ impl Sum {
                 energy * 0.0
             }
         };
-        let larger = |a: f64, b: f64| if b.is_nan() || b > a { b } else { a };
-        self.report.gain = energies.iter().zip(&self.power).map(gain).fold(0.0, larger);
+        self.report.gain = largest(energies.iter().zip(&self.power).map(gain));
         self.report.num_runs = num_runs;
         // Errors allow for what is due to few samples.
         let in_phase = (self.report.gain / waveform.fluctuation()).max(1.0);

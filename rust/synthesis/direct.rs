@@ -105,13 +105,8 @@ impl Tones {
             longest: 0.0,
         };
         let mut chunk = Chunk::<f64>::new(&shape, 1);
-        for first in (0..shape.paths).step_by(CHUNK) {
-            let request = Request {
-                channels: channel..channel + 1,
-                paths: first..shape.paths.min(first + CHUNK),
-                scale: 1.0,
-                level,
-            };
+        for number in 0..shape.paths.div_ceil(CHUNK) {
+            let request = Request::of_chunk(number, &shape, channel..channel + 1, 1.0, level);
             group.source.fill_double(&request, &mut chunk);
             for path in 0..chunk.num_paths {
                 let [delay, re, im] = [&chunk.delay, &chunk.re, &chunk.im].map(|rows| terms(shape.basis, rows, path));

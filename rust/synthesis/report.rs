@@ -188,6 +188,11 @@ impl Report {
     }
 }
 
+/// Largest number, at least zero, or NaN.
+pub fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.num_paths == 0 {

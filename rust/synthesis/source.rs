@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::error::Error;
 use crate::numeric::simd::{Level, Precision};
-use crate::synthesis::chunk::Chunk;
+use crate::synthesis::chunk::{CHUNK, Chunk};
 
 pub use crate::synthesis::chunk::Shape;
 
@@ -13,12 +13,24 @@ pub use crate::synthesis::chunk::Shape;
 pub struct Request {
     /// Channels; they come one after the other in the chunk.
     pub channels: Range<usize>,
-    /// Paths, at most [`CHUNK`](crate::synthesis::chunk::CHUNK).
+    /// Paths, at most [`CHUNK`].
     pub paths: Range<usize>,
     /// Power of two that amplitudes are multiplied by, which keeps them in the range of single precision.
     pub scale: f64,
     /// Instruction set.
     pub level: Level,
+}
+
+impl Request {
+    /// Request for a chunk, by number, of all paths of a source.
+    pub fn of_chunk(number: usize, shape: &Shape, channels: Range<usize>, scale: f64, level: Level) -> Self {
+        Self {
+            channels,
+            paths: number * CHUNK..shape.paths.min((number + 1) * CHUNK),
+            scale,
+            level,
+        }
+    }
 }
 
 /// Source of paths.

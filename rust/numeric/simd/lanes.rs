@@ -36,6 +36,7 @@ fn token<S: Simd>() -> S {
 }
 
 impl<S: Simd> Isa for S {
+    const IS_REGISTER: bool = size_of::<S::f32s>() == size_of::<Self::F32>();
     type F32 = f32x16<S>;
     type F64 = f64x8<S>;
     #[cfg_attr(optimised, inline(always))]

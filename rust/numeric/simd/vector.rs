@@ -147,6 +147,8 @@ pub fn add_window<V: Vector, const W: usize, const N: usize>(
 
 /// Vector types of an instruction set.
 pub trait Isa {
+    /// True if a vector is one register, in place of several.
+    const IS_REGISTER: bool;
     /// Vector of 16 f32.
     type F32: Vector<Scalar = f32>;
     /// Vector of 8 f64.

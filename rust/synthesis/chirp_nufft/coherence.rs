@@ -71,12 +71,10 @@ fn lanes<T: Number, I: Isa>(record: &[LaneRow<T>], counts: [usize; 2], middle: f
         let amplitude = load(HEAD + counts[0]);
         let [c, s] = cos_sin::<T, I>(turns.mul_add(<T::In<I>>::splat(T::of(middle)), load(PHASE)));
         let place = load(CELL).add(load(OFFSET));
-        for (row, numbers) in [place, turns, c.mul(amplitude), s.mul(amplitude)]
-            .into_iter()
-            .enumerate()
-        {
+        let numbers = [place, turns, c.mul(amplitude), s.mul(amplitude)];
+        for row in 0..numbers.len() {
             let mut stored = [T::zero(); LANES];
-            numbers.store(&mut stored);
+            numbers[row].store(&mut stored);
             for lane in 0..T::LANES {
                 lanes[row][at + lane] = stored[lane].wide() as f32;
             }

@@ -10,7 +10,7 @@ use super::spread::Spreading;
 use crate::cancel::Cancel;
 use crate::numeric::fft::{self, twiddles};
 use crate::numeric::parallel;
-use crate::numeric::simd::{Isa, Kernel, Real};
+use crate::numeric::simd::{Isa, Kernel};
 
 /// Paths whose samples have a common factor over fast time.
 struct Layer<'a, T> {
@@ -118,20 +118,15 @@ impl<T: Number> Kernel for AddChirps<'_, T> {
                 }
             }
             for (grid, factors) in grids.iter_mut().zip(&layer.factors) {
-                wrap(grid, num_cells * 2 * T::LANES);
+                // Cells beyond the last are the first ones.
+                let (cells, beyond) = grid.split_at_mut(num_cells * 2 * T::LANES);
+                for i in 0..beyond.len() {
+                    cells[i] = cells[i] + beyond[i];
+                }
                 let spectrum = fft::inverse::<T::In<I>>(grid, &mut scratch, num_cells, self.twiddles);
                 add_to_samples(num_cells, spectrum, factors, self.out);
             }
         }
-    }
-}
-
-/// Add the cells beyond the last of a grid to the first ones.
-#[cfg_attr(optimised, inline(always))]
-fn wrap<T: Real>(grid: &mut [T], end: usize) {
-    let (cells, beyond) = grid.split_at_mut(end);
-    for i in 0..beyond.len() {
-        cells[i] = cells[i] + beyond[i];
     }
 }
 

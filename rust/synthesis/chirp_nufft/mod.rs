@@ -55,12 +55,7 @@ fn sum_records<T: Number>(waveform: &Waveform, groups: &[PathGroup], options: &O
     Ok(Some(Sum {
         samples: Samples::new(&samples, back, options.tolerance),
         power: plan.errors.iter().map(|errors| errors.power * back * back).collect(),
-        coherence: plan
-            .energies
-            .iter()
-            .copied()
-            .fold(options.known.coherence.powi(2), f64::max)
-            .sqrt(),
+        coherence: plan.energy.sqrt(),
         report: Report {
             is_single: size_of::<T>() == 4,
             width: plan.steps.width,

@@ -15,7 +15,7 @@ use crate::numeric::kaiser_bessel::ToneError;
 use crate::numeric::parallel;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{Block, CHUNK};
-use crate::synthesis::report::{ErrorBound, Options, SINGLE_TOLERANCE};
+use crate::synthesis::report::{ErrorBound, Options, SINGLE_TOLERANCE, largest};
 use crate::synthesis::source::{PathGroup, PathSource};
 
 /// Share of the tolerance that errors of long blocks may have.
@@ -81,8 +81,8 @@ pub struct ChirpPlan<'a, T> {
     num_paths: usize,
     /// Errors by channel.
     pub errors: Vec<Errors<f64>>,
-    /// Energy beside the chirps, relative to paths of independent phases, by channel.
-    pub energies: Vec<f64>,
+    /// Energy beside the chirps, relative to paths of independent phases; the largest of all channels.
+    pub energy: f64,
     /// Cheapest steps that keep the tolerance, or the finest.
     pub steps: Steps,
     /// Error of these steps.
@@ -93,23 +93,17 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     /// Build the records of all paths, and choose the steps.
     pub fn new(waveform: &'a Waveform, groups: &[PathGroup], options: &'a Options<'a>) -> Result<Self> {
         let fast_time = FastTime::new(waveform);
+        let scales = groups.iter().map(|group| group.source.scale());
         let mut plan = Self {
             sizes: fast_time.sizes(),
             fast_time,
             options,
             groups: Vec::new(),
-            scale: groups
-                .iter()
-                .map(|group| group.source.scale())
-                .fold(f64::INFINITY, f64::min),
+            scale: scales.fold(f64::INFINITY, f64::min),
             num_paths: groups.iter().map(|group| group.source.shape().paths).sum(),
             errors: Vec::new(),
-            energies: Vec::new(),
-            steps: Steps {
-                width: T::WIDTHS[0],
-                degrees: vec![0],
-                is_first_order: true,
-            },
+            energy: options.known.coherence.powi(2),
+            steps: Steps::default(),
             error: ErrorBound::default(),
         };
         for group in groups {
@@ -120,7 +114,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
                 sum.add(own, 1.0);
             }
         }
-        plan.energies = plan.measure();
+        plan.energy = largest(plan.measure().into_iter().chain([plan.energy]));
         plan.choose();
         Ok(plan)
     }
@@ -296,9 +290,8 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     /// Bounds of errors, the largest of all channels.
     fn bound(&self, width: usize, left_out: impl Fn(&Errors<f64>) -> f64) -> ErrorBound {
         let of_all = |bound: &dyn Fn(&Errors<f64>) -> f64| largest(self.errors.iter().map(bound));
-        let energy = largest(self.energies.iter().copied()).max(self.options.known.coherence.powi(2));
         // Cells hold what adds up beside the chirps as well.
-        let of_cells = energy.sqrt() * T::OF_CELLS;
+        let of_cells = self.energy.sqrt() * T::OF_CELLS;
         let of_samples = if self.options.tolerance >= SINGLE_TOLERANCE {
             OF_SAMPLES
         } else {
@@ -306,7 +299,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         };
         let of_coefficients = of_all(&Errors::rounding::<T>);
         ErrorBound {
-            kernel: ToneError::new(width).with_energy(energy),
+            kernel: ToneError::new(width).with_energy(self.energy),
             truncation: of_all(&|errors| errors.truncation(&self.fast_time, left_out(errors))),
             rounding: of_coefficients.hypot(T::ROUNDING).hypot(of_cells).hypot(of_samples),
             equal_rounding: T::EQUAL_ROUNDING,
@@ -352,9 +345,4 @@ pub fn by_key<'a, T, K: Ord>(
     sorted.sort_by_key(|group| key(group));
     let runs = sorted.chunk_by(|a, b| key(a) == key(b));
     runs.map(<[_]>::to_vec).collect()
-}
-
-/// Largest number, or NaN.
-fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
-    numbers.fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
 }

@@ -232,12 +232,7 @@ impl<T: Number> Kernel for Build<'_, T> {
         let mut coefficients = Chunk::<T>::new(&shape, 1);
         let num_chirps = self.fast_time.waveform.chirp_times.len() as f64;
         for index in self.chunks.clone() {
-            let request = Request {
-                channels: self.channels.clone(),
-                paths: index * CHUNK..shape.paths.min((index + 1) * CHUNK),
-                scale: self.scale,
-                level: self.level,
-            };
+            let request = Request::of_chunk(index, &shape, self.channels.clone(), self.scale, self.level);
             T::fill(self.source, &request, &mut chunk);
             coefficients.num_paths = chunk.num_paths;
             for (at, batch) in batches.iter_mut().enumerate() {
@@ -376,16 +371,7 @@ impl<T: Number> Build<'_, T> {
     #[cfg_attr(optimised, inline(always))]
     fn add_errors<I: Isa>(&self, sizes: &Sizes<T::In<I>>, constant: T::In<I>, errors: &mut Errors<T::In<I>>) {
         let zero = number::<T, I>(0.0);
-        let Sizes {
-            drift,
-            tail,
-            phase: phases,
-            change: changes,
-            power,
-            beyond,
-            small,
-            carrier_ratio,
-        } = *sizes;
+        let (drift, power, carrier_ratio) = (sizes.drift, sizes.power, sizes.carrier_ratio);
         // Orders of the amplitude times exp(j phase): of the factors, where even and odd functions of the time over the
         // block are orthogonal, and of products by their degree. A product of two polynomials has smaller coefficients of
         // all degrees than both together, of three somewhat larger ones.
@@ -393,12 +379,13 @@ impl<T: Number> Build<'_, T> {
         let detuned = absolute(carrier_ratio.sub(number::<T, I>(1.0)));
         let [mut phase, mut change, mut sums, mut products] = [[zero; MAX_ORDERS]; 4];
         for n in 1..=T::DEGREE + 2 {
-            let [mut even, mut odd] = [phases[0][n], phases[1][n]];
+            let [mut even, mut odd] = [sizes.phase[0][n], sizes.phase[1][n]];
             if n == 1 {
                 (even, odd) = (even.mul(detuned), odd.mul(detuned));
             }
             phase[n] = even.add(odd);
-            (even, odd) = (size.mul_add(even, changes[0][n]), size.mul_add(odd, changes[1][n]));
+            let [x, y] = [&sizes.change[0], &sizes.change[1]];
+            (even, odd) = (size.mul_add(even, x[n]), size.mul_add(odd, y[n]));
             change[n] = even.mul_add(even, odd.mul(odd)).sqrt();
             for m in 2..n {
                 let part = number::<T, I>(m as f64 / (n - 1) as f64);
@@ -421,12 +408,12 @@ impl<T: Number> Build<'_, T> {
         for n in 2..=T::DEGREE + 2 {
             turned = phase[n].mul_add(number::<T, I>(((2 * n + 1) as f64).sqrt()), turned);
         }
-        let series = tail.mul(number::<T, I>(TAU));
+        let series = sizes.tail.mul(number::<T, I>(TAU));
         // Far from the carrier, the ratio has no digits; phases that turn tones by more have other cosines.
         let far = number::<T, I>(MAX_CARRIER_RATIO).at_most(absolute(carrier_ratio));
         let far = far | number::<T, I>(FRAC_PI_2).at_most(turned);
-        let series = number::<T, I>(1.0).select(far, series).mul_add(size, small);
-        errors.series = series.mul_add(series, errors.series.add(beyond));
+        let series = number::<T, I>(1.0).select(far, series).mul_add(size, sizes.small);
+        errors.series = series.mul_add(series, errors.series.add(sizes.beyond));
         let curved = drift
             .mul(carrier_ratio)
             .mul(carrier_ratio)
@@ -473,14 +460,10 @@ impl<T: Number> Build<'_, T> {
         let num_cells = fast_time.num_cells as f64;
         let rounds = wide::round::<I, P>(mul(cell, wide::splat::<I, P>(num_cells.recip())));
         let cell = narrow::<T, I, P>(neg_mul_add(rounds, wide::splat::<I, P>(num_cells), cell));
-        for (row, numbers) in [
-            (PHASE, phase),
-            (CELL, cell),
-            (OFFSET, offset),
-            (CARRIER_RATIO, carrier_ratio),
-        ] {
-            numbers.store(&mut head[row][lane..]);
-        }
+        phase.store(&mut head[PHASE][lane..]);
+        cell.store(&mut head[CELL][lane..]);
+        offset.store(&mut head[OFFSET][lane..]);
+        carrier_ratio.store(&mut head[CARRIER_RATIO][lane..]);
         (received, carrier_ratio)
     }
 }

@@ -9,7 +9,7 @@ use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
 use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE, STATIC};
 use crate::numeric::kaiser_bessel::{KaiserBessel, Taps};
-use crate::numeric::simd::{Isa, Vector, add_window};
+use crate::numeric::simd::{Isa, Real, Vector, add_window};
 use crate::numeric::trig::cos_sin_quarter;
 use crate::numeric::wide::{cos_sin_of, number, product};
 
@@ -58,25 +58,32 @@ fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
 /// nearest to paths whose phases are curved.
 const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
 
-/// Add the coefficients of a path times `N` tables of chirps each.
+/// Most paths that are added at once, and the strengths of each by grid.
+const MOST_AT_ONCE: usize = 4;
+type Strengths<V> = [[[V; 2]; MAX_DEGREE + 1]; MOST_AT_ONCE];
+
+/// Add the coefficients of some `P` paths, by their number, times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
-fn sum<V: Vector, const N: usize>(
-    mut sums: [V; N],
+fn sum<V: Vector, const N: usize, const P: usize>(
+    mut sums: [[V; N]; P],
     rows: &[LaneRow<V::Scalar>],
-    path: usize,
+    paths: usize,
     tables: &[LaneRow<V::Scalar>],
-) -> [V; N] {
-    for (row, tables) in rows.iter().zip(tables.chunks_exact(N)) {
-        let own = V::splat(row[path]);
+) -> [[V; N]; P] {
+    for (row, tables) in rows.iter().zip(tables.as_chunks::<N>().0) {
+        let own = &row.as_chunks::<P>().0[paths];
         for j in 0..N {
-            sums[j] = own.mul_add(V::load(&tables[j]), sums[j]);
+            let table = V::load(&tables[j]);
+            for i in 0..P {
+                sums[i][j] = V::splat(own[i]).mul_add(table, sums[i][j]);
+            }
         }
     }
     sums
 }
 
 /// Steps of a sum.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Steps {
     /// Width of the kernel [cells].
     pub width: usize,
@@ -151,13 +158,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         tables: &LaneTables<T>,
         grids: &mut [Vec<T>],
     ) {
-        let mut strengths = [[number::<T, I>(0.0); 2]; MAX_DEGREE + 1];
-        let strengths = &mut strengths[..grids.len()];
-        let num_nodes = if self.steps.is_first_order {
-            0
-        } else {
-            self.nodes.places.len()
-        };
+        let mut strengths = [[[number::<T, I>(0.0); 2]; MAX_DEGREE + 1]; MOST_AT_ONCE];
         for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
             let num_paths = batch.paths_of(number).min(MAX_LANES);
             if batch.counts == STATIC {
@@ -169,9 +170,18 @@ impl<'a, T: Number> Spreading<'a, T> {
             let (in_phase, quadrature) = amplitudes.split_at(batch.counts[1]);
             let used = batch.used[block][number];
             let rows = [&delays[..used[0]], &in_phase[..used[1]], &quadrature[..used[2]]];
+            if self.steps.is_first_order {
+                // More at once would not fit into the registers.
+                if I::IS_REGISTER {
+                    self.add_first_order::<I, W, 4>(head, rows, num_paths, tables, (&mut strengths, grids));
+                } else {
+                    self.add_first_order::<I, W, 2>(head, rows, num_paths, tables, (&mut strengths, grids));
+                }
+                continue;
+            }
             for path in 0..num_paths {
-                let place = match num_nodes {
-                    0 => first_order::<T, I>(head, rows, path, tables, strengths),
+                let strengths = &mut strengths[0][..grids.len()];
+                let place = match self.nodes.places.len() {
                     2 => self.expand::<I, 2>(head, rows, path, tables, strengths),
                     3 => self.expand::<I, 3>(head, rows, path, tables, strengths),
                     5 => self.expand::<I, 5>(head, rows, path, tables, strengths),
@@ -179,6 +189,47 @@ impl<'a, T: Number> Spreading<'a, T> {
                     _ => unreachable!("numbers of nodes are these"),
                 };
                 self.add_path::<I, W>(head[CELL][path], place, strengths, grids);
+            }
+        }
+    }
+
+    /// Add the paths of a record, `P` at once: they share tables. To the first order of changes within a chirp.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_first_order<I: Isa, const W: usize, const P: usize>(
+        &self,
+        head: &[LaneRow<T>],
+        [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
+        num_paths: usize,
+        tables: &LaneTables<T>,
+        (strengths, grids): (&mut Strengths<T::In<I>>, &mut [Vec<T>]),
+    ) {
+        let (splat, none) = (<T::In<I>>::splat, [[number::<T, I>(0.0)]; P]);
+        for at in (0..num_paths).step_by(P) {
+            let [mut tones, mut phasors] = [[[none[0][0]; 2]; P]; 2];
+            for i in 0..P {
+                tones[i] = [splat(head[PHASE][at + i]), splat(head[OFFSET][at + i])];
+            }
+            // Phases [turns] and places [cells after the path's] in every chirp.
+            let tones = sum(tones, delays, at / P, &tables.tones);
+            for i in 0..P {
+                phasors[i] = cos_sin::<T, I>(tones[i][0]);
+            }
+            for (grid, tables) in tables.orders.iter().enumerate() {
+                let re = sum(none, in_phase, at / P, &tables.amplitude);
+                let im = sum(none, quadrature, at / P, &tables.amplitude);
+                let turned = sum(none, if grid == 0 { &[] } else { delays }, at / P, &tables.phase);
+                for i in 0..P {
+                    let mut strength = modulated(phasors[i], [re[i][0], im[i][0]], quadrature.is_empty());
+                    if grid > 0 {
+                        // A small phase turns the tone.
+                        let ([x, y], [turned]) = (strengths[i][0], turned[i]);
+                        strength = [turned.neg_mul_add(y, strength[0]), turned.mul_add(x, strength[1])];
+                    }
+                    strengths[i][grid] = strength;
+                }
+            }
+            for i in 0..P.min(num_paths - at) {
+                self.add_path::<I, W>(head[CELL][at + i], tones[i][1], &strengths[i], grids);
             }
         }
     }
@@ -202,15 +253,15 @@ impl<'a, T: Number> Spreading<'a, T> {
             .mul(number::<T, I>(self.fast_time.per_square));
         let twice = per_square.add(per_square);
         // Delay [turns] and Doppler in the middle of every chirp, and the tone.
-        let [turns, doppler] = sum([zero; 2], delays, path, &tables.turns);
+        let [[turns, doppler]] = sum([[zero; 2]], delays, path, &tables.turns);
         let square = turns.mul(turns);
         let tone = cos_sin::<T, I>(square.neg_mul_add(per_square, phase.add(turns)));
         let received = turns.neg_mul_add(twice, number::<T, I>(1.0));
         let slope = received.mul_add(doppler, ratio.mul(turns));
         // Phases beside the tone, from delays beside the tone.
-        let delay: [_; N] = sum([zero; N], delays, path, &tables.node_turns);
-        let re: [_; N] = sum([zero; N], in_phase, path, &tables.node_amplitude);
-        let im: [_; N] = sum([zero; N], quadrature, path, &tables.node_amplitude);
+        let [delay] = sum([[zero; N]], delays, path, &tables.node_turns);
+        let [re] = sum([[zero; N]], in_phase, path, &tables.node_amplitude);
+        let [im] = sum([[zero; N]], quadrature, path, &tables.node_amplitude);
         let mut values = [[zero; 2]; N];
         for j in 0..N {
             let u = number::<T, I>(self.nodes.places[j]);
@@ -311,41 +362,9 @@ impl<'a, T: Number> Spreading<'a, T> {
     /// Cell of the grid that is some cells after another one.
     #[cfg_attr(optimised, inline(always))]
     fn cell(&self, cell: T, after: T) -> usize {
-        (cell + after).wide() as isize as usize & (self.fast_time.num_cells - 1)
+        // The lowest bits of an integer beside a large constant.
+        (f64::ROUND + (cell + after).wide()).to_bits() as usize & (self.fast_time.num_cells - 1)
     }
-}
-
-/// Place of a path on the grids [cells after the path's] in the chirps of all lanes, and its strengths, to the first
-/// order of changes within a chirp.
-#[cfg_attr(optimised, inline(always))]
-fn first_order<T: Number, I: Isa>(
-    head: &[LaneRow<T>],
-    [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
-    path: usize,
-    tables: &LaneTables<T>,
-    strengths: &mut [[T::In<I>; 2]],
-) -> T::In<I> {
-    let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
-    let middle = [splat(head[PHASE][path]), splat(head[OFFSET][path])];
-    let [phase, place] = sum(middle, delays, path, &tables.tones);
-    let tone = cos_sin::<T, I>(phase);
-    let mut first = [zero; 2];
-    for (grid, (strength, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
-        let [re] = sum([zero], in_phase, path, &tables.amplitude);
-        let [im] = sum([zero], quadrature, path, &tables.amplitude);
-        *strength = modulated(tone, [re, im], quadrature.is_empty());
-        if grid == 0 {
-            first = *strength;
-        } else {
-            // A small phase turns the tone.
-            let [turned] = sum([zero], delays, path, &tables.phase);
-            *strength = [
-                turned.neg_mul_add(first[1], strength[0]),
-                turned.mul_add(first[0], strength[1]),
-            ];
-        }
-    }
-    place
 }
 
 fn kernel(width: usize, fast_time: &FastTime) -> KaiserBessel {

@@ -208,12 +208,7 @@ impl DopplerSum<'_> {
                 if cancel.is_some_and(Cancel::is_asked) {
                     break;
                 }
-                let request = Request {
-                    channels: channel..channel + 1,
-                    paths: index * CHUNK..shape.paths.min((index + 1) * CHUNK),
-                    scale: self.scale,
-                    level,
-                };
+                let request = Request::of_chunk(index, &shape, channel..channel + 1, self.scale, level);
                 T::fill(group.source, &request, &mut chunk);
                 level.run(ComputePoints {
                     plan: &self.plan,

@@ -10,8 +10,8 @@ use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane};
 use crate::synthesis::report::Options;
 use crate::synthesis::source::{PathGroup, Request};
 
-/// Paths that are looked at by one task.
-const PART: usize = 64 * CHUNK;
+/// Chunks of paths that are looked at by one task.
+const PART: usize = 64;
 
 /// Middle and half of the length of the ranges of `c_0` and of `c_1` [s], over the moving paths of all channels with delays
 /// `c_0 + c_1 x`; none without any.
@@ -21,24 +21,19 @@ pub fn delay_ranges(waveform: &Waveform, groups: &[PathGroup], options: &Options
     for group in groups.iter().filter(|group| !group.source.shape().is_static()) {
         let shape = group.source.shape();
         let block = Block::new(waveform, &shape, 0..waveform.chirp_times.len());
-        let firsts = (0..shape.paths).step_by(PART);
-        let tasks: Vec<_> = firsts
+        let num_chunks = shape.paths.div_ceil(CHUNK);
+        let tasks: Vec<_> = (0..num_chunks)
+            .step_by(PART)
             .flat_map(|first| (0..shape.channels).map(move |channel| (channel, first)))
             .collect();
         let parts = parallel::map(options.is_parallel, tasks, |(channel, first)| {
             let mut chunk = Chunk::<f64>::new(&shape, 1);
             let mut bounds = [f64::NEG_INFINITY; 4];
-            let last = shape.paths.min(first + PART);
-            for first in (first..last).step_by(CHUNK) {
+            for index in first..num_chunks.min(first + PART) {
                 if options.cancel.is_some_and(Cancel::is_asked) {
                     break;
                 }
-                let request = Request {
-                    channels: channel..channel + 1,
-                    paths: first..last.min(first + CHUNK),
-                    scale: 1.0,
-                    level: options.level,
-                };
+                let request = Request::of_chunk(index, &shape, channel..channel + 1, 1.0, options.level);
                 group.source.fill_delays(&request, &mut chunk);
                 let found = options.level.run_loops(
                     #[inline(always)]
