@@ -141,7 +141,8 @@ mod tests {
         }
     }
 
-    /// The tests "at every level" miss no level that the system reports for the processor.
+    /// The tests "at every level" miss no level that the system reports for the processor. There may be one more: Linux
+    /// hides `rdseed` of processors whose random numbers it does not trust.
     #[test]
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     fn every_level_of_the_processor_is_available_up_to_the_variable() {
@@ -160,11 +161,12 @@ mod tests {
         let mut expected = vec!["baseline"];
         expected.extend(has(avx2).then_some("avx2"));
         expected.extend((has(avx2) && has(avx512)).then_some("avx512"));
-        let limit = std::env::var(VARIABLE).unwrap_or_default();
-        if let Some(last) = expected.iter().rposition(|name| *name == limit) {
-            expected.truncate(last + 1);
-        }
+        let allowed = highest(variable()).unwrap();
+        expected.truncate(allowed);
         let names: Vec<&str> = Level::available().into_iter().map(Level::name).collect();
-        assert_eq!(names, expected);
+        assert!(
+            names.starts_with(&expected) && names.len() <= allowed,
+            "{names:?}, {expected:?}"
+        );
     }
 }
