@@ -74,10 +74,10 @@ def waveform(**changes: Any) -> Any:
     return _core.Waveform(**(WAVEFORM | changes))
 
 
-def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *rates: Any, **changes: Any) -> Any:
-    options = {"tolerance": 1e-9, "method": "direct"}
+def beat(delay: Any = (DELAY,), amplitude: Any = (AMPLITUDE,), **changes: Any) -> Any:
+    options = {"tolerance": 1e-9, "method": "direct", "is_nodal": False}
     options |= {name: changes.pop(name) for name in list(changes) if name not in WAVEFORM}
-    samples, _ = _core.beat_signal(delay, amplitude, *rates, waveform=waveform(**changes), **options)
+    samples, _ = _core.beat_signal(delay, amplitude, waveform=waveform(**changes), **options)
     return samples
 
 

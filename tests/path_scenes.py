@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore import _core
+from radarcore.simulate.beat import core_rows
 
 C = 299_792_458.0  # [m/s]
 EPS = np.finfo(float).eps
@@ -46,9 +47,8 @@ class Paths:
 
     def signal(self, waveform: rc.Waveform, **options: Any) -> tuple[NDArray[Any], _core.SumReport]:
         settings = {"tolerance": 1e-4, "method": "auto", "threads": 1} | options
-        return _core.beat_signal(
-            self.delay, self.amplitude, self.rate, self.acceleration, waveform=waveform._core, **settings
-        )
+        rows = core_rows(self.delay, self.amplitude, self.rate, self.acceleration)
+        return _core.beat_signal(**rows, waveform=waveform._core, **settings)
 
     def samples(self, waveform: rc.Waveform, **options: Any) -> NDArray[Any]:
         return self.signal(waveform, **options)[0]

@@ -47,11 +47,10 @@ def load_obj(
     """Vertices (n, 3), triangles (m, 3) and, for objects, groups and materials, number per triangle and names."""
 
 def beat_signal(
-    delay: NDArray[np.float64],
-    amplitude: NDArray[np.complex128],
-    delay_rate: NDArray[np.float64] | None = None,
-    delay_acceleration: NDArray[np.float64] | None = None,
+    delay: Sequence[NDArray[np.float64]],
+    amplitude: Sequence[NDArray[np.complex128]],
     *,
+    is_nodal: bool,
     waveform: Waveform,
     tolerance: float,
     method: str,
@@ -59,10 +58,11 @@ def beat_signal(
     level: str | None = None,
     report: Callable[[int], object] | None = None,
 ) -> tuple[Any, SumReport]:
-    """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
+    """Samples (channel, chirp, sample) of paths in rows (channel, path), and the report.
 
-    complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives the number
-    of chirps of all channels that a direct sum has done, from time to time.
+    Rows of delays and amplitudes at nodes with `is_nodal`; else of delays, rates and accelerations, and one of
+    amplitudes. complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives
+    the number of chirps of all channels that a direct sum has done, from time to time.
     """
 
 def levels() -> list[str]:
@@ -245,12 +245,6 @@ class SumReport:
     def width(self) -> int:
         """Width of the spreading kernel [cells]; 0 for none."""
     @property
-    def grids(self) -> int:
-        """Number of grids: of powers of time within a chirp, or of strengths."""
-    @property
-    def blocks(self) -> int:
-        """Largest number of blocks of chirps of a group of paths."""
-    @property
     def static_paths(self) -> int:
         """Number of paths of all channels that stand still."""
     @property
@@ -259,12 +253,6 @@ class SumReport:
     @property
     def memory(self) -> int:
         """Memory beside input and result [bytes]."""
-    @property
-    def runs(self) -> int:
-        """Number of runs: two where paths add up in phase."""
-    @property
-    def gain(self) -> float:
-        """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
 
 @final
 class Surface:
@@ -486,16 +474,8 @@ class Simulator:
 
         None where the motion needs more times.
         """
-    def worlds(
-        self, own: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
-    ) -> IdealFrame | None:
-        """Frames of worlds that differ in their motion alone.
-
-        `own`: poses (time, body + 1, 3, 4) of bodies and sensor, and `points` (time, point, 3), as for `Placement`.
-        `moved`: poses (time, world, n, 3, 4) that take their place, for `rows` of bodies, sensor and points in this
-        order. Samples (world, channel, chirp, sample), truth (4, world * body), and counts of all; None where a motion
-        needs more times.
-        """
+    def worlds(self, motions: Sequence[Placement]) -> list[IdealFrame] | None:
+        """Frames of worlds that differ in their motion alone; None where a motion needs more times."""
     def paths(
         self, motion: Placement, at: Placement, rates_at: Placement
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128], NDArray[np.uint32], NDArray[np.uint8]]:

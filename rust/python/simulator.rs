@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyReadonlyArray5, PyUntypedArrayMethods,
+    PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -18,16 +18,14 @@ use super::arrays::{numbers, points, poses};
 use super::rays::{ImageArrays, PySurface, image_arrays};
 use super::scattering::PyMaterial;
 use super::settings::SettingsFields;
-use super::synthesis::PyWaveform;
+use super::synthesis::{PyWaveform, samples_array};
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::frame::{self, Answer, FrameCounts, Memory, Model, Source};
-use crate::geometry::pose::Pose;
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::surface_image::SurfaceImage;
-use crate::synthesis::report::Samples;
 
 /// Surfaces of bodies, and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
@@ -184,16 +182,20 @@ pub(super) struct IdealFrame {
 }
 
 impl IdealFrame {
-    fn new(
-        py: Python<'_>,
-        cube: Bound<'_, PyAny>,
-        truth: Option<Bound<'_, PyArray2<f64>>>,
-        counts: FrameCounts,
-    ) -> PyResult<Self> {
+    /// Frame of a simulator; None where its motion needs more times.
+    fn new(py: Python<'_>, model: &Model, answer: Answer) -> PyResult<Option<Self>> {
+        let Answer::Done(frame) = answer else {
+            return Ok(None);
+        };
+        let truth = frame.truth.map(|truth| {
+            let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
+            rows.into_pyarray(py).reshape([4, truth.len()])
+        });
+        let counts = frame.counts;
         let nodes = &counts.node_times;
-        Ok(Self {
-            cube: cube.unbind(),
-            truth: truth.map(Bound::unbind),
+        Ok(Some(Self {
+            cube: samples_array(py, frame.cube, model.shape())?.unbind(),
+            truth: truth.transpose()?.map(Bound::unbind),
             farthest: counts.farthest,
             series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
             bounce_error: counts.bounce_error(),
@@ -206,7 +208,7 @@ impl IdealFrame {
             } else {
                 counts.plan.join("\n")
             },
-        })
+        }))
     }
 }
 
@@ -309,105 +311,22 @@ impl Simulator {
         let simulated = self.run(py, &self.memory, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
-        let Answer::Done(frame) = simulated else {
-            return Ok(None);
-        };
-        let shape = self.model.shape();
-        let cube = match frame.cube {
-            Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
-            Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
-        };
-        let truth = frame.truth.map(|truth| {
-            let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
-            rows.into_pyarray(py).reshape([4, truth.len()])
-        });
-        IdealFrame::new(py, cube, truth.transpose()?, frame.counts).map(Some)
+        IdealFrame::new(py, &self.model, simulated)
     }
 
-    /// Simulate the frames of worlds that differ in their motion alone, side by side. `own`: poses (time, body + 1, 3, 4)
-    /// of the bodies and the sensor, and `points` (time, point, 3), as for `Placement`; `moved`: poses (time, world, n, 3,
-    /// 4) that take their place, of the bodies `rows`: bodies, sensor and points are counted in this order. Samples
-    /// (world, channel, chirp, sample), truth (4, world * body), counts of all; None where a motion needs more times.
-    fn worlds(
-        &self,
-        py: Python<'_>,
-        own: PyReadonlyArray4<'_, f64>,
-        points: PyReadonlyArray3<'_, f64>,
-        moved: PyReadonlyArray5<'_, f64>,
-        rows: Vec<usize>,
-    ) -> PyResult<Option<IdealFrame>> {
-        let (times, number, placed) = (own.shape()[0], moved.shape()[1], rows.len());
-        let (bodies, of_time) = (own.shape()[1] - 1, Some(times));
-        let all = own.shape()[1] + points.shape()[1];
-        if number == 0 || times % 2 == 0 || rows.iter().any(|row| *row >= all) {
-            let expected = format!("worlds, an odd number of times, rows below {all}");
-            return Err(Error::value("moved", expected, format!("{:?}, {rows:?}", moved.shape())).into());
-        }
-        let own = self::poses(numbers("own", &own, [of_time, None, Some(3), Some(4)])?);
-        let points = self::points(numbers("points", &points, [of_time, None, Some(3)])?);
-        let moved = numbers("moved", &moved, [of_time, Some(number), Some(placed), Some(3), Some(4)])?;
-        let (moved, _) = moved.as_chunks::<12>();
-        let (all_poses, all_points) = (bodies + 1, points.len() / times);
-        let world_of = |world: usize| {
-            let (mut own, mut points) = (own.clone(), points.clone());
-            for time in 0..times {
-                for (column, &row) in rows.iter().enumerate() {
-                    let pose = Pose::from_rows(&moved[(time * number + world) * placed + column]);
-                    match row.checked_sub(all_poses) {
-                        None => own[time * all_poses + row] = pose,
-                        Some(point) => points[time * all_points + point] = pose.translation,
-                    }
-                }
-            }
-            let (sensor, poses): (Vec<_>, Vec<_>) = own
-                .chunks_exact(all_poses)
-                .map(|poses| (poses[bodies], &poses[..bodies]))
-                .unzip();
-            World {
-                sensor,
-                poses: poses.concat(),
-                points,
-                vertices: Vec::new(),
-            }
-        };
-        let frames = self.run(py, &self.memories, |memories, cancel| {
-            memories.resize_with(number, Memory::default);
-            let frames = memories.par_iter_mut().enumerate();
-            let frames =
-                frames.map(|(world, memory)| frame::simulate(&self.model, &world_of(world), None, memory, cancel));
+    /// Simulate the frames of worlds that differ in their motion alone, side by side; None where a motion needs more times.
+    fn worlds(&self, py: Python<'_>, motions: Vec<PyRef<'_, Placement>>) -> PyResult<Option<Vec<IdealFrame>>> {
+        let motions: Vec<_> = motions.iter().map(|motion| &motion.0).collect();
+        let answers = self.run(py, &self.memories, |memories, cancel| {
+            memories.resize_with(motions.len(), Memory::default);
+            let worlds = memories.par_iter_mut().zip(motions);
+            let frames = worlds.map(|(memory, motion)| frame::simulate(&self.model, motion, None, memory, cancel));
             frames.collect::<Result<Vec<_>>>()
         })?;
-        let (mut single, mut double) = (Vec::new(), Vec::new());
-        let mut truths = Vec::new();
-        let mut counts: Option<FrameCounts> = None;
-        for answer in frames {
-            let Answer::Done(frame) = answer else {
-                return Ok(None);
-            };
-            let frame = *frame;
-            match frame.cube {
-                Samples::Single(samples) => single.extend(samples),
-                Samples::Double(samples) => double.extend(samples),
-            }
-            truths.push(frame.truth.unwrap_or_default());
-            counts = Some(match counts {
-                Some(before) => before.and(frame.counts),
-                None => frame.counts,
-            });
-        }
-        let [channels, chirps, samples] = self.model.shape();
-        let shape = [number, channels, chirps, samples];
-        let cube = if double.is_empty() {
-            single.into_pyarray(py).reshape(shape)?.into_any()
-        } else {
-            double.into_pyarray(py).reshape(shape)?.into_any()
-        };
-        let rows = (0..4).flat_map(|row| truths.iter().flatten().map(move |body| body[row]));
-        let truth = rows
-            .collect::<Vec<f64>>()
-            .into_pyarray(py)
-            .reshape([4, truths.iter().flatten().count()])?;
-        IdealFrame::new(py, cube, Some(truth), counts.unwrap_or_default()).map(Some)
+        let frames = answers
+            .into_iter()
+            .map(|answer| IdealFrame::new(py, &self.model, answer));
+        frames.collect()
     }
 
     /// Stop the run in progress in another thread, if there is one: it ends between two stages, with an error.

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_calls import (
-    AMPLITUDE,
-    DELAY,
     GLASS,
     MATERIAL,
     POSES,
@@ -60,10 +58,7 @@ def test_threads_do_not_change_a_bit() -> None:
             _core.reflectance(
                 materials, hits[2], hits[1], hits[4], hits[4], frequency=60e9, polarization=None, threads=threads
             ),
-            *(
-                beat(DELAY, AMPLITUDE, num_samples=130, threads=threads, method=method, tolerance=1e-5)
-                for method in ("direct", "auto")
-            ),
+            *(beat(num_samples=130, threads=threads, method=method, tolerance=1e-5) for method in ("direct", "auto")),
         ]
 
     first = everything(1)
@@ -105,7 +100,7 @@ def test_interpreter_is_free_while_the_core_computes() -> None:
     large = surface(soup, np.arange(60_000, dtype=np.uint32).reshape(-1, 3))
     chirps = 1e-4 * np.arange(16)
     calls: list[Call] = [
-        lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),
+        lambda: beat([delay], [amplitude], num_samples=64, chirp_times=chirps, threads=1),
         lambda: cast(rows=700, columns=700, threads=1),
         lambda: frame(rays=(500, 500, 0.5, 0.5), threads=1),
         lambda: large.deform(soup, threads=1),

@@ -62,13 +62,14 @@ assert ctypes.CDLL(None).prctl(41, 1, 0, 0, 0) == 0
 import numpy as np
 import radarcore as rc
 from radarcore import _core
+from radarcore.simulate.beat import core_rows
 
 def kilobytes(key):
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(key))
 
 def run(*paths):
     return _core.beat_signal(
-        *paths, waveform=wf._core, tolerance={tolerance}, method="grid", threads={threads}
+        **core_rows(*paths), waveform=wf._core, tolerance={tolerance}, method="grid", threads={threads}
     )[1].memory
 
 n = {num_paths}
