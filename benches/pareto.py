@@ -185,7 +185,7 @@ class Method:
 
 def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phasors:
     """The samples of a job by a method of `beat_signal`."""
-    samples, _ = _core.beat_signal(
+    samples, *_ = _core.beat_signal(
         **core_rows(job.delay, job.amplitude, job.delay_rate),
         waveform=job.waveform._core,
         tolerance=tolerance,

@@ -60,6 +60,7 @@ MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)
 GLASS = _core.Material.dielectric((6.31, -0.26), roughness=1e-4, thickness=4e-3)
 SHAPE = (4, 5)
 COSINES = np.array([1.0, 0.5, 0.0])
+PIXELS = (*SHAPE, 0.02, 0.025, 2.5, 2.0)
 SURFELS: dict[str, Any] = {
     "distance": np.full(SHAPE, 2.0),
     "normals": np.broadcast_to([-1.0, 0.0, 0.0], (*SHAPE, 3)).copy(),
@@ -67,7 +68,6 @@ SURFELS: dict[str, Any] = {
     "albedo": np.full(SHAPE, 0.1),
     "body": np.zeros(SHAPE, np.int32),
 }
-CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "principal_point": (2.5, 2.0)}
 
 
 def waveform(**changes: Any) -> Any:
@@ -77,7 +77,7 @@ def waveform(**changes: Any) -> Any:
 def beat(delay: Any = (DELAY,), amplitude: Any = (AMPLITUDE,), **changes: Any) -> Any:
     options = {"tolerance": 1e-9, "method": "direct", "is_nodal": False}
     options |= {name: changes.pop(name) for name in list(changes) if name not in WAVEFORM}
-    samples, _ = _core.beat_signal(delay, amplitude, waveform=waveform(**changes), **options)
+    samples, *_ = _core.beat_signal(delay, amplitude, waveform=waveform(**changes), **options)
     return samples
 
 
@@ -118,8 +118,7 @@ def placement(sensor: Any = SENSOR, poses: Any = POSES[None], points: Any = POIN
 
 
 def depth_scene(**changes: Any) -> Any:
-    arguments = SURFELS | CAMERA | changes
-    return _core.DepthScene(*[arguments.pop(name) for name in SURFELS], **arguments)
+    return _core.DepthScene(**({"plane": PIXELS, "num_bodies": 1} | SURFELS | changes))
 
 
 def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:

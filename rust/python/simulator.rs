@@ -15,9 +15,9 @@ use rayon::prelude::*;
 
 use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
-use super::rays::{ImageArrays, PySurface, image_arrays};
+use super::rays::{PySurface, image_arrays};
 use super::scattering::PyMaterial;
-use super::settings::SettingsFields;
+use super::settings::{Plane, SettingsFields};
 use super::synthesis::{PyWaveform, samples_array};
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
@@ -79,40 +79,30 @@ pub(super) struct DepthScene(Arc<SurfaceImage>);
 
 #[pymethods]
 impl DepthScene {
-    /// Build from arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field
+    /// Build from an image plane and arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field
     /// reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of
     /// the frame is `age` [s] after the image.
     #[new]
     #[pyo3(signature = (
-        distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, range_rate=None, age=0.0
+        plane, distance, normals, reflection, albedo, body, *, num_bodies, range_rate=None, age=0.0
     ))]
     fn new(
+        plane: Plane,
         distance: PyReadonlyArray2<'_, f64>,
         normals: PyReadonlyArray3<'_, f64>,
         reflection: PyReadonlyArray2<'_, Complex64>,
         albedo: PyReadonlyArray2<'_, f64>,
         body: PyReadonlyArray2<'_, i32>,
         num_bodies: usize,
-        focal_length: (f64, f64),
-        principal_point: (f64, f64),
         range_rate: Option<PyReadonlyArray2<'_, f64>>,
         age: f64,
     ) -> PyResult<Self> {
-        let [rows, columns] = *distance.shape() else {
-            unreachable!("two axes")
-        };
-        let image = [Some(rows), Some(columns)];
+        let plane = ImagePlane::from(plane);
+        let image = [Some(plane.rows), Some(plane.columns)];
         let rates = range_rate.as_ref();
         let rates = rates.map(|rates| PyResult::Ok(numbers("range_rate", rates, image)?.to_vec()));
         Ok(Self(Arc::new(SurfaceImage {
-            plane: ImagePlane {
-                rows,
-                columns,
-                du: focal_length.0.recip(),
-                dv: focal_length.1.recip(),
-                axis_column: principal_point.0,
-                axis_row: principal_point.1,
-            },
+            plane,
             distance: numbers("distance", &distance, image)?.to_vec(),
             normal: points(numbers("normals", &normals, [image[0], image[1], Some(3)])?),
             reflection: numbers("reflection", &reflection, image)?.to_vec(),
@@ -212,37 +202,34 @@ impl IdealFrame {
     }
 }
 
-/// Counts of rays, hits, tiles, paths and velocity rows, by name.
-fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
-    let mut all = vec![
-        ("casts", counts.casts),
-        ("rays_cast", counts.rays_cast),
-        ("rays_hit", counts.rays_hit),
-        ("tiles_skipped", counts.tiles_skipped),
-        ("tiles_reused", counts.tiles_reused),
-    ];
-    all.extend(counts.cells_not_split.map(|number| ("cells_not_split", number)));
-    all.extend([
-        ("paths", counts.paths),
-        ("paths_skipped", counts.paths_skipped),
-        ("bounce_paths", counts.bounce_paths),
-        ("bounce_rays", counts.bounce_rays),
-        ("bounces_stopped", counts.bounces_stopped),
-        ("bounces_not_split", counts.bounces_not_split),
-        ("delay_nodes", counts.node_times.delays),
-        ("amplitude_nodes", counts.node_times.amplitudes),
-        ("still_paths", counts.static_paths),
-    ]);
-    all.into_py_dict(py)
+/// Values of fields, by their names.
+macro_rules! by_name {
+    ($of:expr, $($field:ident),+) => { [$((stringify!($field), $of.$field)),+] };
 }
 
-type SimulatedPaths<'py> = (
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<Complex64>>,
-    Bound<'py, PyArray1<u32>>,
-    Bound<'py, PyArray1<u8>>,
-);
+/// Counts of rays, hits, tiles, paths and node times, by name.
+fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
+    let all = by_name!(counts, casts, rays_cast, rays_hit, tiles_skipped, tiles_reused).into_py_dict(py)?;
+    if let Some(number) = counts.cells_not_split {
+        all.set_item("cells_not_split", number)?;
+    }
+    let paths = by_name!(
+        counts,
+        paths,
+        paths_skipped,
+        bounce_paths,
+        bounce_rays,
+        bounces_stopped,
+        bounces_not_split
+    );
+    for (name, number) in paths {
+        all.set_item(name, number)?;
+    }
+    all.set_item("delay_nodes", counts.node_times.delays)?;
+    all.set_item("amplitude_nodes", counts.node_times.amplitudes)?;
+    all.set_item("still_paths", counts.static_paths)?;
+    Ok(all)
+}
 
 /// Simulator of frames, paths and images; keeps the hits of static tiles from one frame to the next.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -345,7 +332,7 @@ impl Simulator {
         motion: PyRef<'_, Placement>,
         at: PyRef<'_, Placement>,
         rates_at: PyRef<'_, Placement>,
-    ) -> PyResult<SimulatedPaths<'py>> {
+    ) -> PyResult<impl IntoPyObject<'py>> {
         let (frame, at) = (&motion.0, (&at.0, &rates_at.0));
         let paths = self.run(py, &self.memory, |memory, cancel| {
             frame::paths(&self.model, frame, at, memory, cancel)
@@ -361,14 +348,12 @@ impl Simulator {
     }
 
     /// Hits of the rays of an image with the kinematics `at` one time.
-    fn image<'py>(&self, py: Python<'py>, at: PyRef<'_, Placement>) -> PyResult<ImageArrays<'py>> {
+    fn image<'py>(&self, py: Python<'py>, at: PyRef<'_, Placement>) -> PyResult<impl IntoPyObject<'py>> {
         let at = &at.0;
-        image_arrays(
-            py,
-            self.run(py, &self.memory, |memory, cancel| {
-                frame::image(&self.model, at, memory, cancel)
-            })?,
-        )
+        let hits = self.run(py, &self.memory, |memory, cancel| {
+            frame::image(&self.model, at, memory, cancel)
+        })?;
+        image_arrays(py, hits)
     }
 
     /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes.

@@ -4,6 +4,7 @@ use num_complex::Complex64;
 use numpy::ndarray::Dimension;
 use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::IntoPyDict;
 
 use super::arrays::numbers;
 use super::threads::{check_threads, compute};
@@ -13,7 +14,7 @@ use crate::synthesis::beat_signal as sums;
 use crate::synthesis::chirp;
 use crate::synthesis::choose::Method;
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::report::{self, Known, Options, Samples};
+use crate::synthesis::report::{Known, Options, Samples};
 
 /// Times and frequencies of a frame.
 #[pyclass(frozen, name = "Waveform", module = "radarcore._core")]
@@ -64,15 +65,6 @@ pub(super) fn method(name: &str) -> Result<Method> {
     }
 }
 
-/// Bound on the error of the sum. Zero asks for the best there is.
-pub(super) fn tolerance(value: f64) -> Result<f64> {
-    if value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(Error::value("tolerance", "zero or a positive number", value))
-    }
-}
-
 /// Instruction set, from its name in Python; without one the best.
 pub(super) fn level(name: Option<&str>) -> Result<Level> {
     let Some(name) = name else { return Ok(Level::best()) };
@@ -82,7 +74,7 @@ pub(super) fn level(name: Option<&str>) -> Result<Level> {
         .ok_or_else(|| Error::value("level", format!("one of {:?}", levels()), name))
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and the report of the sum. Delays and amplitudes are rows (channel,
+/// Beat samples (channel, chirp, sample) of paths, the report of the sum, and its numbers. Delays and amplitudes are rows (channel,
 /// path): at nodes with `is_nodal`, else delay, rate and acceleration, and one row of amplitudes. `report` receives the
 /// number of chirps of all channels that a direct sum has done, from time to time.
 #[pyfunction(signature = (
@@ -99,7 +91,7 @@ pub(super) fn beat_signal<'py>(
     threads: Option<usize>,
     level: Option<&str>,
     report: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyAny>, SumReport)> {
+) -> PyResult<impl IntoPyObject<'py>> {
     check_threads(threads)?;
     let first = delay.first().map(|row| row.dims());
     let first = first.or_else(|| amplitude.first().map(|row| row.dims()));
@@ -117,7 +109,7 @@ pub(super) fn beat_signal<'py>(
     let method = self::method(method)?;
     let options = Options {
         level: self::level(level)?,
-        tolerance: self::tolerance(tolerance)?,
+        tolerance,
         is_parallel: is_long && threads != Some(1),
         cancel: None,
         known: Known::NOTHING,
@@ -131,7 +123,16 @@ pub(super) fn beat_signal<'py>(
     } else {
         py.detach(|| sum(&options))?
     };
-    Ok((samples_array(py, samples, shape)?, report.into()))
+    let numbers = [
+        ("width", report.width),
+        ("static_paths", report.num_static),
+        ("memory", report.memory),
+    ];
+    let numbers = numbers.into_py_dict(py)?;
+    numbers.set_item("engine", report.engine)?;
+    numbers.set_item("is_single", report.is_single)?;
+    numbers.set_item("error", report.total_error)?;
+    Ok((samples_array(py, samples, shape)?, report.to_string(), numbers))
 }
 
 /// Samples as an array, in their precision.
@@ -140,32 +141,6 @@ pub(super) fn samples_array(py: Python<'_>, samples: Samples, shape: [usize; 3])
         Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
         Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
     })
-}
-
-/// Report of a sum, see the stub.
-#[pyclass(frozen, get_all, str = "{text}", module = "radarcore._core")]
-pub(super) struct SumReport {
-    text: String,
-    engine: &'static str,
-    precision: &'static str,
-    width: usize,
-    static_paths: usize,
-    error: f64,
-    memory: usize,
-}
-
-impl From<report::Report> for SumReport {
-    fn from(report: report::Report) -> Self {
-        Self {
-            text: report.to_string(),
-            engine: report.engine,
-            precision: if report.is_single { "single" } else { "double" },
-            width: report.width,
-            static_paths: report.num_static,
-            error: report.total_error,
-            memory: report.memory,
-        }
-    }
 }
 
 /// Names of the instruction sets of this processor, slowest first, up to ``RADARCORE_SIMD``.

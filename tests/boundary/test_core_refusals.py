@@ -112,8 +112,8 @@ from radarcore import _core
         (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
         # Values that no result can be formed for.
         (lambda: surfels(body=np.full(SHAPE, 1, np.int32)), "body: expected numbers below 1, got 1"),
-        (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
-        (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
+        (lambda: surfels(plane=(*SHAPE, INF, 1.0, 2.5, 2.0)), "field_of_view: expected angles"),
+        (lambda: surfels(plane=(*SHAPE, 0.02, 0.02, INF, 2.0)), "principal_point: expected finite numbers"),
         (lambda: table(np.array([1.0, 0.0])), "azimuth: expected increasing angles .*, got 1 and then 0"),
         (lambda: beat([np.full((2, 3), NAN)]), "delay: expected finite numbers, got NaN at flat index 0"),
         (lambda: beat(amplitude=[np.full((2, 3), INF + 0j)]), "amplitude: expected finite numbers, got inf"),

@@ -62,6 +62,6 @@ def test_cells_outside_of_a_map_are_refused() -> None:
     series = np.zeros((2, 3, 2, 24))
     cells, start = map_[None].astype(np.complex64), np.zeros((1, 2))
     with pytest.raises(ValueError, match=r"num_cells: expected 1 to 4 and 1 to 5, got \[5, 3\]"):
-        _core.fit_tones(cells, outside, start, series, num_cells=(5, 3), is_cyclic=True)
+        _core.fit_tones(cells, outside, start, series, None, num_cells=(5, 3), is_cyclic=True)
     with pytest.raises(ValueError, match=r"series: expected shape \(2, 3, n, 24\), got \(2, 3, 2, 23\)"):
-        _core.fit_tones(cells, outside, start, series[..., 1:].copy(), num_cells=(3, 3), is_cyclic=True)
+        _core.fit_tones(cells, outside, start, series[..., 1:].copy(), None, num_cells=(3, 3), is_cyclic=True)

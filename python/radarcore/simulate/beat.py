@@ -98,7 +98,7 @@ def beat_signal(
     # Other sums have no steps that are worth counting.
     shown = progress and method == "direct"
     with notice.progress_if_long("direct sum", "chirp", total, shown=shown) as report:
-        samples, _ = _core.beat_signal(
+        samples, *_ = _core.beat_signal(
             **core_rows(*paths),
             waveform=waveform._core,
             tolerance=check_tolerance(tolerance),
