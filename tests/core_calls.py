@@ -38,7 +38,7 @@ ARRAY: dict[str, Any] = {
     "power": 1.0,
     "frequency": 60e9,
 }
-POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
+POINTS = np.array([[[3.0, 0.5, 0.0]]])
 IMAGE_PLANE = (20, 30, 0.5, 0.5)
 SETTINGS: dict[str, Any] = {
     "sampling": "footprint",
@@ -102,15 +102,13 @@ def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any
     return _core.Surface(vertices, triangles, **changes)
 
 
-def scene(surfaces: Any = (SURFACE,), **changes: Any) -> Any:
-    """Surfaces, then one point target."""
-    number = len(surfaces)
-    numbers = {"deforming": [], "rcs": RCS, "body_numbers": list(range(number)), "point_numbers": [number]}
-    return _core.Scene(list(surfaces), **(numbers | changes))
+def scene(surfaces: Any = (SURFACE,), rcs: Any = (1.0,), deforms: Any = False) -> Any:
+    """Surfaces, then point targets."""
+    return _core.Scene([*((surface, deforms) for surface in surfaces), *rcs])
 
 
 def deforming_scene() -> Any:
-    return scene(deforming=[0])
+    return scene(deforms=True)
 
 
 def placement(sensor: Any = SENSOR, poses: Any = POSES[None], points: Any = POINTS, vertices: Any = ()) -> Any:
@@ -204,6 +202,6 @@ def refuses(call: Call, error: type[Exception] | tuple[type[Exception], ...], me
         call()
 
 
-EMPTY = _core.Scene([], deforming=[], rcs=np.zeros(0), body_numbers=[], point_numbers=[])
+EMPTY = _core.Scene([])
 NOWHERE = placement(poses=np.zeros((1, 0, 3, 4)), points=np.zeros((1, 0, 3)))
 EMPTY_HITS = cast(NOWHERE, EMPTY, [])

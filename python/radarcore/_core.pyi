@@ -319,22 +319,10 @@ class Antennas:
 
 @final
 class Scene:
-    """Surfaces of bodies, and point targets."""
+    """Bodies and point targets."""
 
-    def __new__(
-        cls,
-        surfaces: Sequence[Surface],
-        *,
-        deforming: Sequence[int],
-        rcs: NDArray[np.float64],
-        body_numbers: Sequence[int],
-        point_numbers: Sequence[int],
-    ) -> Scene:
-        """Of meshes and points, in the order of the scene.
-
-        `deforming`: rows of the surfaces whose vertices move, increasing. `rcs`: cross-sections of the points, (point,)
-        [m^2]. The numbers are those of both in the scene.
-        """
+    def __new__(cls, targets: Sequence[tuple[Surface, bool] | float]) -> Scene:
+        """Of bodies with surfaces, and whether their vertices move, and of cross-sections of points [m^2]."""
 
 @final
 class DepthScene:

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -27,49 +27,36 @@ use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::surface_image::SurfaceImage;
 
-/// Surfaces of bodies, and point targets.
+/// Body with a surface, and whether its vertices move; or cross-section of a point target [m^2].
+#[derive(FromPyObject)]
+pub(super) enum Target<'py> {
+    Body(PyRef<'py, PySurface>, bool),
+    Point(f64),
+}
+
+/// Bodies and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
 pub(super) struct PyScene(frame::Scene);
 
 #[pymethods]
 impl PyScene {
-    /// Build a scene. `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point
-    /// targets; numbers in the scene of both.
     #[new]
-    #[pyo3(signature = (surfaces, *, deforming, rcs, body_numbers, point_numbers))]
-    fn new(
-        surfaces: Vec<PyRef<'_, PySurface>>,
-        deforming: Vec<usize>,
-        rcs: PyReadonlyArray1<'_, f64>,
-        body_numbers: Vec<usize>,
-        point_numbers: Vec<usize>,
-    ) -> PyResult<Self> {
-        let lengths = [
-            ("rcs", point_numbers.len(), rcs.shape()[0]),
-            ("body_numbers", surfaces.len(), body_numbers.len()),
-        ];
-        for (name, expected, got) in lengths {
-            if expected != got {
-                return Err(Error::value(name, format!("{expected} of them"), got).into());
+    fn new(targets: Vec<Target<'_>>) -> Self {
+        let mut scene = frame::Scene::default();
+        for (number, target) in targets.into_iter().enumerate() {
+            match target {
+                Target::Body(surface, deforms) => {
+                    scene.deforming.extend(deforms.then_some(scene.surfaces.len()));
+                    scene.surfaces.push(surface.0.clone());
+                    scene.body_numbers.push(number);
+                }
+                Target::Point(rcs) => {
+                    scene.rcs.push(rcs);
+                    scene.point_numbers.push(number);
+                }
             }
         }
-        if !(deforming.is_sorted_by(|one, next| one < next) && deforming.iter().all(|row| *row < surfaces.len())) {
-            let expected = format!("increasing numbers below {}", surfaces.len());
-            return Err(Error::value("deforming", expected, format!("{deforming:?}")).into());
-        }
-        let mut all = [body_numbers.as_slice(), &point_numbers].concat();
-        all.sort_unstable();
-        if !all.iter().copied().eq(0..all.len()) {
-            let expected = format!("every number below {} once among both", all.len());
-            return Err(Error::value("body_numbers, point_numbers", expected, format!("{all:?}")).into());
-        }
-        Ok(Self(frame::Scene {
-            surfaces: surfaces.iter().map(|surface| surface.0.clone()).collect(),
-            deforming,
-            rcs: numbers("rcs", &rcs, [None])?.to_vec(),
-            body_numbers,
-            point_numbers,
-        }))
+        Self(scene)
     }
 }
 

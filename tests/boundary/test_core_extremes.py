@@ -119,7 +119,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
             lambda smooth=smooth: frame(turned, **smooth),
             lambda smooth=smooth: frame(jumping, **smooth),
             lambda smooth=smooth: frame(rates=wild_places, **smooth),
-            lambda options=options: frame(source=scene(rcs=np.full(1, value)), **options),
+            lambda options=options: frame(source=scene(rcs=[value]), **options),
             lambda options=options: frame(materials=[GLASS], polarization=(value,) * 3, **options),
             lambda options=options: frame(frequency=value, power=value, **options),
             lambda smooth=smooth: frame(center=(value,) * 3, **smooth),

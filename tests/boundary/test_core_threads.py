@@ -42,7 +42,7 @@ def test_threads_do_not_change_a_bit() -> None:
         placement(SENSOR, nodes[2:3], points[:1]),
         placement(0.0 * SENSOR, nodes[:1] - nodes[2:3], 0.0 * points[:1]),
     )
-    world = scene([body, SURFACE], rcs=np.ones(7), point_numbers=list(range(2, 9)))
+    world = scene([body, SURFACE], rcs=[1.0] * 7)
     materials, plane = [MATERIAL, GLASS], (67, 91, 0.3, 0.3)
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
