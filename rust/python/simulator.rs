@@ -66,9 +66,9 @@ pub(super) struct DepthScene(Arc<SurfaceImage>);
 
 #[pymethods]
 impl DepthScene {
-    /// Build from an image plane and arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field
-    /// reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of
-    /// the frame is `age` [s] after the image.
+    /// Build from an image plane and arrays (rows, columns) of distances along the ray [m], unit normals towards the
+    /// sensor, field reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies;
+    /// the start of the frame is `age` [s] after the image.
     #[new]
     #[pyo3(signature = (
         plane, distance, normals, reflection, albedo, body, *, num_bodies, range_rate=None, age=0.0
