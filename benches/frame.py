@@ -25,7 +25,7 @@ from radarcore.motion.protocol import Motion
 
 RATE = 40.0
 
-RECEIVE, ENGINE = _core.receive, _core.Simulator
+ADD_NOISE, ENGINE = _core.add_noise, _core.Simulator
 """Names of the core that the stopwatch replaces."""
 
 ENOUGH_TIMES = 8
@@ -73,12 +73,11 @@ class Stopwatch:
         self.ideal = ideal or self.ideal
         return ideal
 
-    def receive(self, *arguments: Any, **settings: Any) -> Any:
-        """The core's samples as the receiver delivers them."""
+    def add_noise(self, *arguments: Any) -> None:
+        """The core's noise."""
         start = time.perf_counter()
-        samples = RECEIVE(*arguments, **settings)
+        ADD_NOISE(*arguments)
         self.noise = time.perf_counter() - start
-        return samples
 
 
 @dataclass
@@ -195,7 +194,7 @@ def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
     vars(simulator)["_engines"] = [watch]
     stages: list[dict[str, float]] = []
     counts: list[list[float]] = []
-    with mock.patch.object(_core, "receive", watch.receive):
+    with mock.patch.object(_core, "add_noise", watch.add_noise):
         for number in range(1, num_frames + 1):
             watch.seconds = 0.0
             start = time.perf_counter()

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from page import DOCS, PERFORMANCE, machine, milliseconds, section_of, table, tables_of, write_section
 from radarcore import _core
+from radarcore.simulate.beat import core_rows
 from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
 
 try:
@@ -184,10 +185,8 @@ class Method:
 
 def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phasors:
     """The samples of a job by a method of `beat_signal`."""
-    samples, _ = _core.beat_signal(
-        job.delay,
-        job.amplitude,
-        job.delay_rate,
+    samples, *_ = _core.beat_signal(
+        **core_rows(job.delay, job.amplitude, job.delay_rate),
         waveform=job.waveform._core,
         tolerance=tolerance,
         method=method,

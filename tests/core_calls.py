@@ -38,7 +38,7 @@ ARRAY: dict[str, Any] = {
     "power": 1.0,
     "frequency": 60e9,
 }
-POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
+POINTS = np.array([[[3.0, 0.5, 0.0]]])
 IMAGE_PLANE = (20, 30, 0.5, 0.5)
 SETTINGS: dict[str, Any] = {
     "sampling": "footprint",
@@ -60,6 +60,7 @@ MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)
 GLASS = _core.Material.dielectric((6.31, -0.26), roughness=1e-4, thickness=4e-3)
 SHAPE = (4, 5)
 COSINES = np.array([1.0, 0.5, 0.0])
+PIXELS = (*SHAPE, 0.02, 0.025, 2.5, 2.0)
 SURFELS: dict[str, Any] = {
     "distance": np.full(SHAPE, 2.0),
     "normals": np.broadcast_to([-1.0, 0.0, 0.0], (*SHAPE, 3)).copy(),
@@ -67,17 +68,16 @@ SURFELS: dict[str, Any] = {
     "albedo": np.full(SHAPE, 0.1),
     "body": np.zeros(SHAPE, np.int32),
 }
-CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "principal_point": (2.5, 2.0)}
 
 
 def waveform(**changes: Any) -> Any:
     return _core.Waveform(**(WAVEFORM | changes))
 
 
-def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *rates: Any, **changes: Any) -> Any:
-    options = {"tolerance": 1e-9, "method": "direct"}
+def beat(delay: Any = (DELAY,), amplitude: Any = (AMPLITUDE,), **changes: Any) -> Any:
+    options = {"tolerance": 1e-9, "method": "direct", "is_nodal": False}
     options |= {name: changes.pop(name) for name in list(changes) if name not in WAVEFORM}
-    samples, _ = _core.beat_signal(delay, amplitude, *rates, waveform=waveform(**changes), **options)
+    samples, *_ = _core.beat_signal(delay, amplitude, waveform=waveform(**changes), **options)
     return samples
 
 
@@ -102,15 +102,13 @@ def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any
     return _core.Surface(vertices, triangles, **changes)
 
 
-def scene(surfaces: Any = (SURFACE,), **changes: Any) -> Any:
-    """Surfaces, then one point target."""
-    number = len(surfaces)
-    numbers = {"deforming": [], "rcs": RCS, "body_numbers": list(range(number)), "point_numbers": [number]}
-    return _core.Scene(list(surfaces), **(numbers | changes))
+def scene(surfaces: Any = (SURFACE,), rcs: Any = (1.0,), deforms: Any = False) -> Any:
+    """Surfaces, then point targets."""
+    return _core.Scene([*((surface, deforms) for surface in surfaces), *rcs])
 
 
 def deforming_scene() -> Any:
-    return scene(deforming=[0])
+    return scene(deforms=True)
 
 
 def placement(sensor: Any = SENSOR, poses: Any = POSES[None], points: Any = POINTS, vertices: Any = ()) -> Any:
@@ -118,8 +116,7 @@ def placement(sensor: Any = SENSOR, poses: Any = POSES[None], points: Any = POIN
 
 
 def depth_scene(**changes: Any) -> Any:
-    arguments = SURFELS | CAMERA | changes
-    return _core.DepthScene(*[arguments.pop(name) for name in SURFELS], **arguments)
+    return _core.DepthScene(**({"plane": PIXELS, "num_bodies": 1} | SURFELS | changes))
 
 
 def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
@@ -205,6 +202,6 @@ def refuses(call: Call, error: type[Exception] | tuple[type[Exception], ...], me
         call()
 
 
-EMPTY = _core.Scene([], deforming=[], rcs=np.zeros(0), body_numbers=[], point_numbers=[])
+EMPTY = _core.Scene([])
 NOWHERE = placement(poses=np.zeros((1, 0, 3, 4)), points=np.zeros((1, 0, 3)))
 EMPTY_HITS = cast(NOWHERE, EMPTY, [])

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from path_scenes import C, Paths, allowance, random_phases, relative_error
-from radarcore import _core
+from path_scenes import C, Paths, Report, allowance, random_phases, relative_error
 
 METHODS = ("auto", "grid")
 CHIRP, DOPPLER = "chirp-wise NUFFT", "range-Doppler NUFFT"
@@ -37,7 +36,7 @@ def steady(num_moving: int, num_static: int = 0, seed: int = 0, speed: float = 2
 
 def check(
     paths: Paths, wf: rc.Waveform, tolerance: float, *, exact: NDArray[np.complex128] | None = None, **options: Any
-) -> _core.SumReport:
+) -> Report:
     """Compare a sum with the exact one, which is computed here if it is not given; returns the report of the sum."""
     got, report = paths.signal(wf, tolerance=tolerance, **options)
     assert np.isfinite(got).all(), f"{options}: {report}"

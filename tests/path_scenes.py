@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore import _core
+from radarcore.simulate.beat import core_rows
 
 C = 299_792_458.0  # [m/s]
 EPS = np.finfo(float).eps
@@ -36,6 +37,26 @@ def sweep_waveform(num_chirps: int = 64, num_samples: int = 64, slope_sign: int 
 
 
 @dataclass(frozen=True)
+class Report:
+    """Report of a sum as the core gives it."""
+
+    text: str
+    engine: str
+    is_single: bool
+    width: int
+    static_paths: int
+    error: float
+    memory: int
+
+    @property
+    def precision(self) -> str:
+        return "single" if self.is_single else "double"
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
 class Paths:
     """Arguments of `beat_signal`: derivatives, or delays at nodes."""
 
@@ -44,11 +65,11 @@ class Paths:
     rate: Real | None = None
     acceleration: Real | None = None
 
-    def signal(self, waveform: rc.Waveform, **options: Any) -> tuple[NDArray[Any], _core.SumReport]:
+    def signal(self, waveform: rc.Waveform, **options: Any) -> tuple[NDArray[Any], Report]:
         settings = {"tolerance": 1e-4, "method": "auto", "threads": 1} | options
-        return _core.beat_signal(
-            self.delay, self.amplitude, self.rate, self.acceleration, waveform=waveform._core, **settings
-        )
+        rows = core_rows(self.delay, self.amplitude, self.rate, self.acceleration)
+        samples, text, numbers = _core.beat_signal(**rows, waveform=waveform._core, **settings)
+        return samples, Report(text, **numbers)
 
     def samples(self, waveform: rc.Waveform, **options: Any) -> NDArray[Any]:
         return self.signal(waveform, **options)[0]

@@ -52,7 +52,6 @@ ARRAYS: dict[str, Callable[[], Any]] = {
     "position": lambda: rc.Pose().position,
     "times of poses": lambda: rc.Trajectory([0.0, 1.0], POSES).times,
     "points of a scene": lambda: SCENE.parts.positions,
-    "cross-sections of a scene": lambda: SCENE.parts.cross_sections,
     "times of frames": lambda: RECORDING.time,
     "truth": lambda: RECORDING.truth and RECORDING.truth.range,
     "truth of a frame": lambda: (truth := rc.Simulator(SCENE, RADAR, resolution=8).frame().truth) and truth.range,

@@ -15,11 +15,11 @@ __all__ = [
     "Placement",
     "Scene",
     "Simulator",
-    "SumReport",
     "Surface",
     "Waveform",
     "__version__",
     "above_sidelobes",
+    "add_noise",
     "beat_signal",
     "between_cells",
     "cross_sections",
@@ -29,8 +29,6 @@ __all__ = [
     "load_obj",
     "local_maxima",
     "maxima_above",
-    "normal",
-    "receive",
     "reflectance",
     "training_medians",
 ]
@@ -47,22 +45,26 @@ def load_obj(
     """Vertices (n, 3), triangles (m, 3) and, for objects, groups and materials, number per triangle and names."""
 
 def beat_signal(
-    delay: NDArray[np.float64],
-    amplitude: NDArray[np.complex128],
-    delay_rate: NDArray[np.float64] | None = None,
-    delay_acceleration: NDArray[np.float64] | None = None,
+    delay: Sequence[NDArray[np.float64]],
+    amplitude: Sequence[NDArray[np.complex128]],
     *,
+    is_nodal: bool,
     waveform: Waveform,
     tolerance: float,
     method: str,
     threads: int | None = None,
     level: str | None = None,
     report: Callable[[int], object] | None = None,
-) -> tuple[Any, SumReport]:
-    """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
+) -> tuple[Any, str, dict[str, Any]]:
+    """Samples (channel, chirp, sample) of paths in rows (channel, path), the report, and its numbers.
 
-    complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives the number
-    of chirps of all channels that a direct sum has done, from time to time.
+    Rows of delays and amplitudes at nodes with `is_nodal`; else of delays, rates and accelerations, and one of
+    amplitudes. complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives
+    the number of chirps of all channels that a direct sum has done, from time to time.
+
+    Numbers of the report: `engine` by name; `is_single`: samples in single precision; `width` of the spreading kernel
+    [cells], 0 for none; `static_paths` of all channels; `error` relative to l2(amplitudes) that the sum holds; `memory`
+    beside input and result [bytes].
     """
 
 def levels() -> list[str]:
@@ -84,17 +86,13 @@ def reflectance(
     Pixels have a body, a cosine of incidence, and a normal and a direction of the ray, (rows, columns, 3).
     """
 
-def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
-    """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""
+def add_noise(samples: NDArray[Any], seeds: Sequence[int], deviation: float, start: float) -> None:
+    """Add white noise of a standard `deviation` to float32 or float64 samples of frames, one after the other.
 
-def receive(ideal: NDArray[Any], *, output: str, deviation: float, seeds: list[int], start: float) -> NDArray[Any]:
-    """Deliver the samples of ideal cubes with white noise: "iq" in the memory of the ideal ones, or "real" parts.
-
-    One after the other along the first axis, one per seed. `deviation`: of every real number. The noise
-    belongs to the seed and to the start of the frame [s].
+    Each frame has a seed. The noise belongs to it and to the start of the frame [s].
     """
 
-def local_maxima(power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
+def local_maxima(power: NDArray[np.float64], cells: NDArray[np.int64], is_cyclic: bool) -> NDArray[np.bool_]:
     """True for cells (cell, 2) of a map (row, column) with power that none of their eight neighbours exceeds.
 
     Rows are cyclic, columns too with `is_cyclic`; without, the map is even about both its ends, as the spectrum of real
@@ -102,7 +100,7 @@ def local_maxima(power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyc
     """
 
 def between_cells(
-    power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyclic: bool
+    power: NDArray[np.float64], cells: NDArray[np.int64], is_cyclic: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Offsets of local maxima from the middle of their cells (cell, 2), and their heights (cell,).
 
@@ -113,7 +111,6 @@ def maxima_above(
     power: NDArray[np.float64],
     trained: NDArray[np.float64],
     scale: NDArray[np.float64],
-    *,
     first: int,
     guards: tuple[int, int],
     trainings: tuple[int, int],
@@ -133,7 +130,6 @@ def above_sidelobes(
     envelopes: tuple[NDArray[np.float64], NDArray[np.float64]],
     mean_envelope: NDArray[np.float64],
     mean_gain: NDArray[np.float64],
-    *,
     searched: tuple[int, int],
     smallest: float,
     smear: float,
@@ -150,7 +146,7 @@ def above_sidelobes(
     """
 
 def training_medians(
-    power: NDArray[np.float64], cells: NDArray[np.int64], *, guards: tuple[int, int], trainings: tuple[int, int]
+    power: NDArray[np.float64], cells: NDArray[np.int64], guards: tuple[int, int], trainings: tuple[int, int]
 ) -> NDArray[np.float64]:
     """Medians (cell,) of the cells at most `guards + trainings` rows and columns away, but those within `guards`.
 
@@ -163,7 +159,6 @@ def fit_tones(
     start: NDArray[np.float64],
     series: NDArray[np.float64],
     lobes: NDArray[np.complex128],
-    *,
     num_cells: tuple[int, int],
     is_cyclic: bool,
     has_images: bool,
@@ -182,7 +177,6 @@ def fit_spheres(
     distance: NDArray[np.float64],
     antennas: NDArray[np.float64],
     channels: NDArray[np.float64],
-    *,
     num_receivers: int,
     wavenumber: float,
     observable: tuple[bool, bool],
@@ -228,44 +222,6 @@ class Waveform:
         num_samples: int,
         chirp_times: NDArray[np.float64],
     ) -> Waveform: ...
-
-@final
-class SumReport:
-    """Report of a sum; `str` is a sentence."""
-
-    @property
-    def text(self) -> str:
-        """The sentence."""
-    @property
-    def engine(self) -> str:
-        """Name of the engine: "direct", "chirp-wise NUFFT" or "range-Doppler NUFFT"."""
-    @property
-    def precision(self) -> str:
-        """Precision of the sum: "single" or "double"."""
-    @property
-    def width(self) -> int:
-        """Width of the spreading kernel [cells]; 0 for none."""
-    @property
-    def grids(self) -> int:
-        """Number of grids: of powers of time within a chirp, or of strengths."""
-    @property
-    def blocks(self) -> int:
-        """Largest number of blocks of chirps of a group of paths."""
-    @property
-    def static_paths(self) -> int:
-        """Number of paths of all channels that stand still."""
-    @property
-    def error(self) -> float:
-        """Error relative to l2(amplitudes) that the sum holds."""
-    @property
-    def memory(self) -> int:
-        """Memory beside input and result [bytes]."""
-    @property
-    def runs(self) -> int:
-        """Number of runs: two where paths add up in phase."""
-    @property
-    def gain(self) -> float:
-        """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
 
 @final
 class Surface:
@@ -364,22 +320,10 @@ class Antennas:
 
 @final
 class Scene:
-    """Surfaces of bodies, and point targets."""
+    """Bodies and point targets."""
 
-    def __new__(
-        cls,
-        surfaces: Sequence[Surface],
-        *,
-        deforming: Sequence[int],
-        rcs: NDArray[np.float64],
-        body_numbers: Sequence[int],
-        point_numbers: Sequence[int],
-    ) -> Scene:
-        """Of meshes and points, in the order of the scene.
-
-        `deforming`: rows of the surfaces whose vertices move, increasing. `rcs`: cross-sections of the points, (point,)
-        [m^2]. The numbers are those of both in the scene.
-        """
+    def __new__(cls, targets: Sequence[tuple[Surface, bool] | float]) -> Scene:
+        """Of bodies with surfaces, and whether their vertices move, and of cross-sections of points [m^2]."""
 
 @final
 class DepthScene:
@@ -387,6 +331,7 @@ class DepthScene:
 
     def __new__(
         cls,
+        plane: tuple[int, int, float, float, float, float],
         distance: NDArray[np.float64],
         normals: NDArray[np.float64],
         reflection: NDArray[np.complex128],
@@ -394,13 +339,12 @@ class DepthScene:
         body: NDArray[np.int32],
         *,
         num_bodies: int,
-        focal_length: tuple[float, float],
-        principal_point: tuple[float, float],
         range_rate: NDArray[np.float64] | None = None,
         age: float = 0.0,
     ) -> DepthScene:
         """Of arrays (rows, columns), normals (rows, columns, 3).
 
+        `plane`: rows, columns, width and height of a pixel at distance 1, column and row of the axis [pixels].
         Distances along the ray [m], unit normals towards the sensor, field reflection coefficients, albedos, numbers of
         bodies, and range rates [m/s] beside the motion of the bodies. The frame starts `age` [s] after the image.
         """
@@ -487,16 +431,8 @@ class Simulator:
 
         None where the motion needs more times.
         """
-    def worlds(
-        self, own: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
-    ) -> IdealFrame | None:
-        """Frames of worlds that differ in their motion alone.
-
-        `own`: poses (time, body + 1, 3, 4) of bodies and sensor, and `points` (time, point, 3), as for `Placement`.
-        `moved`: poses (time, world, n, 3, 4) that take their place, for `rows` of bodies, sensor and points in this
-        order. Samples (world, channel, chirp, sample), truth (4, world * body), and counts of all; None where a motion
-        needs more times.
-        """
+    def worlds(self, motions: Sequence[Placement]) -> list[IdealFrame] | None:
+        """Frames of worlds that differ in their motion alone; None where a motion needs more times."""
     def paths(
         self, motion: Placement, at: Placement, rates_at: Placement
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128], NDArray[np.uint32], NDArray[np.uint8]]:

@@ -161,53 +161,15 @@ mod tests {
         assert!(there.is_same(&turned(pattern.clone())) && !there.is_same(&pattern));
     }
 
-    fn gain_db(pattern: &Pattern, azimuth_deg: f64, elevation_deg: f64) -> f64 {
-        10.0 * pattern
-            .gain_at(azimuth_deg.to_radians(), elevation_deg.to_radians())
-            .log10()
-    }
-
     #[test]
-    fn tables_are_bilinear_between_their_angles_and_closed_behind_the_antenna() {
-        let part = counting(&[-40.0, 0.0, 10.0], &[-20.0, 30.0]);
-        // 1, 2, 3, ... dB behind, right, ahead and left, the first elevation first: the seam is at -180 or at 180 degrees.
-        let round = counting(&[-180.0, -90.0, 0.0, 90.0], &[-90.0, 90.0]);
-        let late = counting(&[-90.0, 0.0, 90.0, 180.0], &[-90.0, 90.0]);
-        // A table that ends at 175 degrees left and right in steps of 10 has no larger a gap behind than elsewhere.
-        let fine: Vec<f64> = (0..36).map(|i| 10.0 * f64::from(i) - 175.0).collect();
-        let fine = counting(&fine, &[-90.0, 90.0]);
-        let none = f64::NEG_INFINITY;
-        for (pattern, azimuth, elevation, expected) in [
-            (&part, -40.0, -20.0, 1.0),
-            (&part, -40.0, 30.0, 2.0),
-            (&part, 0.0, -20.0, 3.0),
-            (&part, 10.0, 30.0, 6.0),
-            (&part, 5.0, 5.0, 4.5),
-            (&part, -30.0, -20.0, 1.5),
-            (&part, -40.1, 0.0, none),
-            (&part, 10.1, 0.0, none),
-            (&part, 0.0, -20.1, none),
-            (&part, 0.0, 30.1, none),
-            (&part, 180.0, 0.0, none),
-            (&round, 135.0, -90.0, 4.0),
-            (&round, 180.0, -90.0, 1.0),
-            (&round, -180.0, -90.0, 1.0),
-            (&fine, 180.0, -90.0, 36.0),
-            (&late, -180.0, -90.0, 7.0),
-            (&late, -135.0, -90.0, 4.0),
-        ] {
-            let got = gain_db(pattern, azimuth, elevation);
-            assert!(
-                got == expected || (got - expected).abs() < 1e-12,
-                "{azimuth} {elevation}: {got} {expected}"
-            );
-        }
-        let beside = [1e-9, 0.0, -1e-9].map(|y| round.gain(DVec3::new(-1.0, y, 0.0)));
-        assert!((beside[0] - beside[1]).abs() < 1e-8 && (beside[2] - beside[1]).abs() < 1e-8);
-        // Straight up and down are at azimuth zero, of zeros of either sign.
+    fn tables_are_closed_by_a_gap_as_wide_as_a_step_but_for_rounding_and_know_no_negative_zeros() {
+        let gain_db = |pattern: &Pattern, direction: DVec3| 10.0 * pattern.gain(direction).log10();
+        let steps: Vec<f64> = (0..36).map(|i| 10.0 * f64::from(i) - 175.0).collect();
+        assert!((gain_db(&counting(&steps, &[-90.0, 90.0]), DVec3::NEG_X) - 36.5).abs() < 1e-12);
+        // Straight up and down are at azimuth zero.
         let ahead = counting(&[-180.0, 0.0, 180.0], &[-90.0, 90.0]);
         for (direction, expected) in [(DVec3::Z, 4.0), (DVec3::new(-0.0, -0.0, 2.0), 4.0), (-DVec3::Z, 3.0)] {
-            assert!((10.0 * ahead.gain(direction).log10() - expected).abs() < 1e-12);
+            assert!((gain_db(&ahead, direction) - expected).abs() < 1e-12);
         }
     }
 

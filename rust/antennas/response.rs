@@ -44,18 +44,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gain_is_linear_between_steps_and_constant_beyond_the_longest_path() {
-        let gains = [0.0, 2.0, 4.0].map(|re| Complex64::new(re, -re)).to_vec();
-        let response = ReceiverResponse::new(10.0, gains).unwrap();
-        for (length, expected) in [(0.0, 0.0), (2.5, 1.0), (5.0, 2.0), (9.0, 3.6), (10.0, 4.0), (1e30, 4.0)] {
-            assert!(
-                (response.gain(length) - Complex64::new(expected, -expected)).norm() < 1e-12,
-                "{length}"
-            );
-        }
-    }
-
-    #[test]
     fn what_is_no_response_is_refused() {
         let one = Complex64::new(1.0, 0.0);
         for longest in [0.0, -1.0, f64::NAN, f64::INFINITY] {

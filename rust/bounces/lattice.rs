@@ -66,18 +66,3 @@ impl ShadowLattice {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lattice_has_every_point_once() {
-        let lattice = ShadowLattice::new(8, |weights| weights.x > 0.99);
-        assert_eq!(lattice.points.len(), 45);
-        assert!(lattice.at([0, 0]) && !lattice.at([1, 0]) && !lattice.at([0, 1]));
-        assert!(lattice.seen([[0, 0], [8, 0], [0, 8]], 8) == Illumination::Partial);
-        assert!(lattice.seen([[4, 4], [0, 4], [4, 0]], 4) == Illumination::None);
-        assert_eq!(lattice.weights([8, 0]), DVec3::Y);
-    }
-}

@@ -81,42 +81,6 @@ impl FrameCounts {
         done
     }
 
-    /// Counts of two frames together; run times and plans are of the first.
-    #[must_use]
-    pub fn and(mut self, other: Self) -> Self {
-        for (number, more) in [
-            (&mut self.casts, other.casts),
-            (&mut self.rays_cast, other.rays_cast),
-            (&mut self.rays_hit, other.rays_hit),
-            (&mut self.tiles_skipped, other.tiles_skipped),
-            (&mut self.tiles_reused, other.tiles_reused),
-            (&mut self.paths, other.paths),
-            (&mut self.paths_skipped, other.paths_skipped),
-            (&mut self.bounce_paths, other.bounce_paths),
-            (&mut self.bounce_rays, other.bounce_rays),
-            (&mut self.bounces_stopped, other.bounces_stopped),
-            (&mut self.bounces_not_split, other.bounces_not_split),
-            (&mut self.static_paths, other.static_paths),
-        ] {
-            *number += more;
-        }
-        self.rcs_floor = self.rcs_floor.into_iter().chain(other.rcs_floor).reduce(f64::max);
-        self.cells_not_split = self
-            .cells_not_split
-            .into_iter()
-            .chain(other.cells_not_split)
-            .reduce(|a, b| a + b);
-        self.bounce_power += other.bounce_power;
-        self.bounce_error_power += other.bounce_error_power;
-        self.node_times = self.node_times.max(other.node_times);
-        self.farthest = self.farthest.max(other.farthest);
-        self.motion_error = self.motion_error.max(other.motion_error);
-        self.fast_varying.extend(other.fast_varying);
-        self.fast_varying.sort_unstable();
-        self.fast_varying.dedup();
-        self
-    }
-
     /// Add the counts of a span.
     pub fn add(&mut self, rays: &Rays, groups: &PathGroups, paths: &[PathsAtNodes], report: &Report) {
         self.casts += 1;

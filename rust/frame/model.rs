@@ -33,7 +33,7 @@ const LEAST_JOIN: f64 = 1.0;
 const MOST_JOIN: f64 = 2.5;
 
 /// Bodies with surfaces, and point targets.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Scene {
     /// Surface of every body, as its mesh was given.
     pub surfaces: Vec<Arc<Surface>>,

@@ -224,27 +224,6 @@ mod tests {
     }
 
     #[test]
-    fn sides_of_a_box_are_regions_with_four_edges_to_the_left_of_which_they_lie() {
-        let (vertices, triangles) = cuboid();
-        let flat = FlatRegions::new(&vertices, &triangles, |_| true);
-        assert_eq!(flat.regions.len(), 6);
-        for FlatRegion { normal, outline, .. } in &flat.regions {
-            let middle = outline.iter().map(|edge| edge[0]).sum::<DVec3>() / 4.0;
-            assert_eq!(outline.len(), 4);
-            for [a, b] in outline {
-                assert!((*b - *a).cross(middle - *a).dot(*normal) > 0.0);
-            }
-            // The normals of a box point away from its middle.
-            assert!(normal.dot(middle - DVec3::new(0.005, 0.01, 0.015)) > 0.0);
-        }
-        let pairs: Vec<bool> = (0..12)
-            .step_by(2)
-            .map(|t| flat.of_triangle(t) == flat.of_triangle(t + 1))
-            .collect();
-        assert_eq!(pairs, [true; 6]);
-    }
-
-    #[test]
     fn straight_sides_of_many_edges_are_one() {
         const SIDE: u32 = 7;
         let mut vertices = Vec::new();

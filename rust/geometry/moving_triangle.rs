@@ -91,47 +91,6 @@ impl MovingTriangle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DMat3;
-
-    const AS_COLUMNS: DMat3 = DMat3::from_cols_array(&[0.3, -0.2, 1.0, 0.5, 0.1, 1.1, 0.2, 0.3, 0.8]);
-    const CORNERS: [DVec3; 3] = [AS_COLUMNS.x_axis, AS_COLUMNS.y_axis, AS_COLUMNS.z_axis];
-    const POINT: DVec3 = DVec3::new(0.36, 0.1, 1.2);
-
-    #[test]
-    fn coordinates_are_weights_and_height() {
-        let facet = MovingTriangle::new(CORNERS);
-        let [a, b, c] = CORNERS;
-        let normal = (b - a).cross(c - a).normalize();
-        let coordinates = facet.coordinates(0.5 * a + 0.2 * b + 0.3 * c - 0.04 * normal);
-        assert!(coordinates.distance(DVec3::new(0.2, 0.3, -0.04)) < 1e-15);
-        assert!(facet.point(facet.coordinates(POINT)).distance(POINT) < 1e-15);
-        let tilted = DVec3::new(0.2, -0.5, -0.7).normalize();
-        assert!(facet.normal(facet.slopes(tilted)).distance(tilted) < 1e-15);
-    }
-
-    #[test]
-    fn points_and_normals_turn_with_their_triangle() {
-        let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, -1.1, 2.0);
-        let shift = DVec3::new(3.0, -1.0, 0.5);
-        let before = MovingTriangle::new(CORNERS);
-        let after = MovingTriangle::new(CORNERS.map(|corner| turn * corner + shift));
-        let point = after.point(before.coordinates(POINT));
-        assert!(point.distance(turn * POINT + shift) < 4e-15);
-        let tilted = DVec3::new(0.2, -0.5, 0.7).normalize();
-        assert!(after.normal(before.slopes(tilted)).distance(turn * tilted) < 1e-15);
-    }
-
-    #[test]
-    fn velocity_is_the_derivative_of_the_point() {
-        let rates = DMat3::from_cols_array(&[1.0, -2.0, 0.5, -0.7, 0.3, 2.0, 0.1, 0.9, -1.5]);
-        let rates = [0, 1, 2].map(|i| rates.col(i));
-        let at = |time: f64| MovingTriangle::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
-        let coordinates = at(0.0).coordinates(POINT);
-        let step = 1e-5;
-        let difference = (at(step).point(coordinates) - at(-step).point(coordinates)) / (2.0 * step);
-        let velocity = at(0.0).velocity(&MovingTriangle::new(rates), coordinates);
-        assert!(velocity.distance(difference) < 1e-8, "{velocity} {difference}"); // step^2 times a third derivative
-    }
 
     #[test]
     fn a_triangle_without_area_has_no_normal_and_finite_points() {

@@ -356,22 +356,6 @@ mod tests {
     }
 
     #[test]
-    fn top_is_that_of_a_gaussian() {
-        // exp(-(x - 0.3)^2) over columns of one row.
-        let power: Vec<f64> = (0..5)
-            .map(|column| (-(f64::from(column) - 2.3).powi(2)).exp())
-            .collect();
-        let map = Map {
-            power: &power,
-            shape: [1, 5],
-            is_cyclic: false,
-        };
-        let top = map.top([0, 2]);
-        assert!((top.offset[1] - 0.3).abs() < 1e-14 && top.offset[0] == 0.0);
-        assert!((top.height - 1.0).abs() < 1e-14);
-    }
-
-    #[test]
     fn training_cells_are_those_beside_the_guard_cells_within_the_map() {
         // Of the third cell of the second row: the first column.
         let median = map(false).training_median([1, 2], [1, 1], [0, 1]);

@@ -2,22 +2,12 @@
 
 use glam::DVec3;
 use numpy::ndarray::Dimension;
-use numpy::{
-    Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods,
-};
+use numpy::{Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::error::Error;
 use crate::geometry::pose::Pose;
-
-/// Values of an array with any number of axes, in C order.
-pub(super) fn contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
-    match array.as_slice() {
-        Ok(numbers) if array.is_c_contiguous() => Ok(numbers),
-        _ => Err(PyTypeError::new_err(format!("{name}: expected a C-contiguous array"))),
-    }
-}
 
 /// Values of an array in C order; an error for other layouts and for lengths other than expected (`None`: any).
 pub(super) fn numbers<'a, T: Element, D: Dimension, const N: usize>(

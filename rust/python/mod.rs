@@ -5,8 +5,6 @@
 
 use pyo3::prelude::*;
 
-use crate::numeric::simd::Level;
-
 mod antennas;
 mod arrays;
 mod cross_section;
@@ -21,44 +19,39 @@ mod simulator;
 mod synthesis;
 mod threads;
 
-use antennas::{PyAntennas, PyPattern};
-use rays::PySurface;
-use scattering::PyMaterial;
-use simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
-use synthesis::{PyWaveform, SumReport};
-
 /// Memory of tiles and records is allocated and freed by the thousand in every frame, on all threads.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 #[pymodule]
-fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    Level::check()?;
-    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_function(wrap_pyfunction!(geometry::load_obj, module)?)?;
-    module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
-    module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
-    module.add_function(wrap_pyfunction!(rays::reflectance, module)?)?;
-    module.add_function(wrap_pyfunction!(receive::receive, module)?)?;
-    module.add_function(wrap_pyfunction!(receive::normal, module)?)?;
-    module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::local_maxima, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::between_cells, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::maxima_above, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::above_sidelobes, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::training_medians, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::fit_tones, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;
-    module.add_class::<PyWaveform>()?;
-    module.add_class::<SumReport>()?;
-    module.add_class::<PySurface>()?;
-    module.add_class::<PyMaterial>()?;
-    module.add_class::<PyPattern>()?;
-    module.add_class::<PyAntennas>()?;
-    module.add_class::<PyScene>()?;
-    module.add_class::<DepthScene>()?;
-    module.add_class::<Placement>()?;
-    module.add_class::<IdealFrame>()?;
-    module.add_class::<Simulator>()?;
-    Ok(())
+mod _core {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::antennas::{PyAntennas, PyPattern};
+    #[pymodule_export]
+    use super::cross_section::cross_sections;
+    #[pymodule_export]
+    use super::geometry::load_obj;
+    #[pymodule_export]
+    use super::processing::{above_sidelobes, between_cells, fit_spheres, fit_tones};
+    #[pymodule_export]
+    use super::processing::{local_maxima, maxima_above, training_medians};
+    #[pymodule_export]
+    use super::rays::{PySurface, reflectance};
+    #[pymodule_export]
+    use super::receive::add_noise;
+    #[pymodule_export]
+    use super::scattering::PyMaterial;
+    #[pymodule_export]
+    use super::simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
+    #[pymodule_export]
+    use super::synthesis::{PyWaveform, beat_signal, levels};
+    use crate::numeric::simd::Level;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        Level::check()?;
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use num_complex::Complex;
 use num_traits::AsPrimitive;
+use numpy::ndarray::Dimension;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArray4, PyUntypedArrayMethods,
@@ -14,16 +15,10 @@ use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
 use crate::processing::peaks::{Map, Sidelobes};
 use crate::processing::spheres::{self, Aperture};
-use crate::processing::tone_fit::{Axes, MapCells, NUM_LOBES, fit_all};
-
-/// Places (peak, 2) and a number of each.
-type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
-
-/// Rows and columns of peaks (peak, 2), and an array with something of each.
-type Peaks<'py, T> = (Bound<'py, PyArray2<i64>>, Bound<'py, T>);
+use crate::processing::tone_fit::{Axes, MapCells, NUM_LOBES, Tone, fit_all};
 
 /// True for cells of a map with power that none of their neighbours exceeds.
-#[pyfunction(signature = (power, cells, *, is_cyclic))]
+#[pyfunction]
 pub(super) fn local_maxima<'py>(
     py: Python<'py>,
     power: PyReadonlyArray2<'py, f64>,
@@ -36,13 +31,13 @@ pub(super) fn local_maxima<'py>(
 }
 
 /// Offsets from the middle of local maxima, and their heights, by parabolas through the log power.
-#[pyfunction(signature = (power, cells, *, is_cyclic))]
+#[pyfunction]
 pub(super) fn between_cells<'py>(
     py: Python<'py>,
     power: PyReadonlyArray2<'py, f64>,
     cells: PyReadonlyArray2<'py, i64>,
     is_cyclic: bool,
-) -> PyResult<Tops<'py>> {
+) -> PyResult<impl IntoPyObject<'py>> {
     let (map, cells) = map_and_cells(&power, is_cyclic, &cells)?;
     let tops: Vec<_> = cells.into_iter().map(|cell| map.top(cell)).collect();
     let heights: Vec<_> = tops.iter().map(|top| top.height).collect();
@@ -51,7 +46,7 @@ pub(super) fn between_cells<'py>(
 }
 
 /// Medians of the training cells of some cells.
-#[pyfunction(signature = (power, cells, *, guards, trainings))]
+#[pyfunction]
 pub(super) fn training_medians<'py>(
     py: Python<'py>,
     power: PyReadonlyArray2<'py, f64>,
@@ -68,7 +63,7 @@ pub(super) fn training_medians<'py>(
 }
 
 /// Local maxima of some columns of a map above thresholds, and the thresholds.
-#[pyfunction(signature = (power, trained, scale, *, first, guards, trainings, is_cyclic))]
+#[pyfunction]
 pub(super) fn maxima_above<'py>(
     py: Python<'py>,
     power: PyReadonlyArray2<'py, f64>,
@@ -78,7 +73,7 @@ pub(super) fn maxima_above<'py>(
     guards: [usize; 2],
     trainings: [usize; 2],
     is_cyclic: bool,
-) -> PyResult<Peaks<'py, PyArray1<f64>>> {
+) -> PyResult<impl IntoPyObject<'py>> {
     let map = map_of(&power, is_cyclic)?;
     let searched = within("trained", first..first + trained.shape()[1], map.shape[1])?;
     let shape = [Some(map.shape[0]), Some(searched.len())];
@@ -88,9 +83,7 @@ pub(super) fn maxima_above<'py>(
 }
 
 /// Peaks above the sidelobes of stronger ones, and their offsets from the middle of their cells.
-#[pyfunction(signature = (
-    power, peaks, least, envelopes, mean_envelope, mean_gain, *, searched, smallest, smear, num_samples, is_cyclic
-))]
+#[pyfunction]
 pub(super) fn above_sidelobes<'py>(
     py: Python<'py>,
     power: PyReadonlyArray2<'py, f64>,
@@ -104,7 +97,7 @@ pub(super) fn above_sidelobes<'py>(
     smear: f64,
     num_samples: usize,
     is_cyclic: bool,
-) -> PyResult<Peaks<'py, PyArray2<f64>>> {
+) -> PyResult<impl IntoPyObject<'py>> {
     let (map, cells) = map_and_cells(&power, is_cyclic, &peaks)?;
     let [num_rows, num_columns] = map.shape;
     let lobes = Sidelobes {
@@ -192,16 +185,8 @@ pub(super) enum AnyCells<'py> {
     Double(PyReadonlyArray3<'py, Complex<f64>>),
 }
 
-/// Offsets, amplitudes, energy gains and information of the tones about peaks.
-type ToneArrays<'py> = (
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<Complex<f64>>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray2<f64>>,
-);
-
-/// Fit a tone to the cells about each peak.
-#[pyfunction(signature = (cells, peaks, start, series, lobes, *, num_cells, is_cyclic, has_images))]
+/// Offsets (tone, 2), amplitudes (tone, look), energy gains (tone,) and information (tone, 2) of the tones about peaks.
+#[pyfunction]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
     cells: AnyCells<'py>,
@@ -212,51 +197,30 @@ pub(super) fn fit_tones<'py>(
     num_cells: [usize; 2],
     is_cyclic: bool,
     has_images: bool,
-) -> PyResult<ToneArrays<'py>> {
-    let (series, lobes, columns) = (&series, &lobes, [is_cyclic, has_images]);
-    match cells {
-        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, series, lobes, num_cells, columns),
-        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, series, lobes, num_cells, columns),
-    }
-}
-
-fn tones<'py, T: Element + AsPrimitive<f64>>(
-    py: Python<'py>,
-    cells: &PyReadonlyArray3<'py, Complex<T>>,
-    peaks: &PyReadonlyArray2<'py, i64>,
-    start: &PyReadonlyArray2<'py, f64>,
-    series: &PyReadonlyArray4<'py, f64>,
-    lobes: &PyReadonlyArray3<'py, Complex<f64>>,
-    num_cells: [usize; 2],
-    [is_cyclic, has_images]: [bool; 2],
-) -> PyResult<ToneArrays<'py>>
-where
-    Complex<T>: Element,
-{
-    let &[num_looks, num_rows, num_columns] = cells.shape() else {
-        unreachable!("three axes")
+) -> PyResult<impl IntoPyObject<'py>> {
+    let (num_looks, num_rows, num_columns) = match &cells {
+        AnyCells::Single(cells) => cells.dims().into_pattern(),
+        AnyCells::Double(cells) => cells.dims().into_pattern(),
     };
     if num_cells[0] > num_rows || num_cells[1] > num_columns || num_cells.contains(&0) {
         let expected = format!("1 to {num_rows} and 1 to {num_columns}");
         return Err(Error::value("num_cells", expected, format!("{num_cells:?}")).into());
     }
     let most = num_cells[0].max(num_cells[1]);
-    let map = MapCells {
-        values: numbers("cells", cells, [None; 3])?,
-        shape: [num_looks, num_rows, num_columns],
-        is_cyclic,
-        has_images,
-    };
     let axes = Axes {
-        series: numbers("series", series, [Some(2), Some(most), None, Some(8 * most)])?,
+        series: numbers("series", &series, [Some(2), Some(most), None, Some(8 * most)])?,
         most,
         num_cells,
-        lobes: numbers("lobes", lobes, [Some(2), None, Some(NUM_LOBES)])?,
+        lobes: numbers("lobes", &lobes, [Some(2), None, Some(NUM_LOBES)])?,
     };
-    let peaks = indices("peaks", peaks, [num_rows, num_columns])?;
+    let peaks = indices("peaks", &peaks, [num_rows, num_columns])?;
     let number = peaks.len();
-    let start: &[[f64; 2]] = numbers("start", start, [Some(number), Some(2)])?.as_chunks().0;
-    let tones = py.detach(|| fit_all(&map, &peaks, start, &axes));
+    let start = numbers("start", &start, [Some(number), Some(2)])?.as_chunks().0;
+    let columns = [is_cyclic, has_images];
+    let tones = match &cells {
+        AnyCells::Single(cells) => tones(py, cells, columns, &peaks, start, &axes)?,
+        AnyCells::Double(cells) => tones(py, cells, columns, &peaks, start, &axes)?,
+    };
     let amplitudes: Vec<_> = tones.iter().flat_map(|tone| &tone.amplitude).copied().collect();
     let energy_gains: Vec<_> = tones.iter().map(|tone| tone.energy_gain).collect();
     Ok((
@@ -267,8 +231,28 @@ where
     ))
 }
 
+fn tones<T: AsPrimitive<f64>>(
+    py: Python<'_>,
+    cells: &PyReadonlyArray3<'_, Complex<T>>,
+    [is_cyclic, has_images]: [bool; 2],
+    peaks: &[[usize; 2]],
+    start: &[[f64; 2]],
+    axes: &Axes,
+) -> PyResult<Vec<Tone>>
+where
+    Complex<T>: Element,
+{
+    let map = MapCells {
+        values: numbers("cells", cells, [None; 3])?,
+        shape: cells.dims().into_pattern().into(),
+        is_cyclic,
+        has_images,
+    };
+    Ok(py.detach(|| fit_all(&map, peaks, start, axes)))
+}
+
 /// Sines of targets with spherical waves, and the share of the power that each does not explain.
-#[pyfunction(signature = (waves, sines, distance, antennas, channels, *, num_receivers, wavenumber, observable))]
+#[pyfunction]
 pub(super) fn fit_spheres<'py>(
     py: Python<'py>,
     waves: PyReadonlyArray2<'py, Complex<f64>>,
@@ -279,7 +263,7 @@ pub(super) fn fit_spheres<'py>(
     num_receivers: usize,
     wavenumber: f64,
     observable: [bool; 2],
-) -> PyResult<Tops<'py>> {
+) -> PyResult<impl IntoPyObject<'py>> {
     let (number, num_channels) = (waves.shape()[0], channels.shape()[0]);
     let num_senders = antennas.shape()[0].saturating_sub(num_receivers);
     if num_receivers == 0 || num_senders.max(1) * num_receivers != num_channels {

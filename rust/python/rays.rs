@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -79,15 +78,7 @@ impl PySurface {
 
 /// Distance along the ray [m], cosine of incidence and body of every pixel, (rows, columns), distance to the curved
 /// surface [m] and unit normals, (rows, columns, 3).
-pub(super) type ImageArrays<'py> = (
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<i32>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray3<f64>>,
-);
-
-pub(super) fn image_arrays(py: Python<'_>, hits: Hits) -> PyResult<ImageArrays<'_>> {
+pub(super) fn image_arrays(py: Python<'_>, hits: Hits) -> PyResult<impl IntoPyObject<'_>> {
     const { assert!(NO_BODY.cast_signed() == -1) };
     let shape = [hits.plane.rows, hits.plane.columns];
     let body: Vec<i32> = hits.body.into_iter().map(u32::cast_signed).collect();

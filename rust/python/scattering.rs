@@ -1,7 +1,7 @@
 //! Materials.
 
 use num_complex::Complex64;
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::arrays::numbers;
@@ -56,7 +56,7 @@ impl PyMaterial {
         cosine: PyReadonlyArray1<'_, f64>,
         wavelength: f64,
         seen: Option<(f64, f64)>,
-    ) -> PyResult<ResponseArrays<'py>> {
+    ) -> PyResult<impl IntoPyObject<'py>> {
         let cosines = numbers("cosine", &cosine, [None])?.iter();
         let seen = seen.map(|(te, tm)| PolarizationWeights { te, tm });
         let of = |cosine: &f64| self.0.response(*cosine, wavelength, seen);
@@ -64,8 +64,6 @@ impl PyMaterial {
         Ok((reflection.into_pyarray(py), albedo.into_pyarray(py)))
     }
 }
-
-pub(super) type ResponseArrays<'py> = (Bound<'py, PyArray1<Complex64>>, Bound<'py, PyArray1<f64>>);
 
 /// One material per body.
 pub(super) fn materials(materials: &[PyRef<'_, PyMaterial>], num_bodies: usize) -> Result<Vec<material::Material>> {

@@ -3,7 +3,7 @@
 use glam::DMat3;
 use pyo3::prelude::*;
 
-use super::synthesis::{level, method, tolerance};
+use super::synthesis::{level, method};
 use crate::bounces::Limits;
 use crate::error::{Error, Result};
 use crate::frame::{self, RaySampling, Switches};
@@ -11,7 +11,8 @@ use crate::rays::camera::ImagePlane;
 use crate::scattering::refinement::{Refinement, Sampling};
 
 /// Image plane: rows, columns, width and height of a pixel at distance 1, and column and row of the axis [pixels].
-type Plane = (usize, usize, f64, f64, f64, f64);
+#[derive(FromPyObject)]
+pub(super) struct Plane(usize, usize, f64, f64, f64, f64);
 
 /// Settings of a simulation, see the stub.
 #[derive(FromPyObject)]
@@ -55,7 +56,7 @@ impl TryFrom<SettingsFields> for frame::Settings {
             let expected = "the identity first, and equal numbers of planes of rays and of tubes";
             return Err(Error::value("rotations", expected, format!("{numbers:?}")));
         }
-        let planes = |planes: &[Plane]| planes.iter().map(plane).collect();
+        let planes = |planes: Vec<Plane>| planes.into_iter().map(ImagePlane::from).collect();
         let (sampling, is_adaptive) = match settings.sampling.as_str() {
             "adaptive" => (Sampling::Footprint, true),
             "footprint" => (Sampling::Footprint, false),
@@ -66,7 +67,7 @@ impl TryFrom<SettingsFields> for frame::Settings {
             }
         };
         let rays = RaySampling {
-            planes: planes(&settings.rays),
+            planes: planes(settings.rays),
             sampling,
             refinement: is_adaptive.then_some(Refinement {
                 rcs_floor: settings.rcs_floor,
@@ -77,8 +78,8 @@ impl TryFrom<SettingsFields> for frame::Settings {
         Ok(Self {
             rotations,
             rays,
-            tubes: planes(&settings.tubes),
-            image: plane(&settings.image),
+            tubes: planes(settings.tubes),
+            image: settings.image.into(),
             gain_floor: settings.gain_floor,
             debug: Switches {
                 skip_empty: settings.debug.skip_empty,
@@ -91,19 +92,21 @@ impl TryFrom<SettingsFields> for frame::Settings {
             },
             retrace: settings.retrace,
             seed: settings.seed,
-            tolerance: tolerance(settings.tolerance)?,
+            tolerance: settings.tolerance,
             method: method(&settings.method)?,
         })
     }
 }
 
-fn plane(&(rows, columns, du, dv, axis_column, axis_row): &Plane) -> ImagePlane {
-    ImagePlane {
-        rows,
-        columns,
-        du,
-        dv,
-        axis_column,
-        axis_row,
+impl From<Plane> for ImagePlane {
+    fn from(Plane(rows, columns, du, dv, axis_column, axis_row): Plane) -> Self {
+        Self {
+            rows,
+            columns,
+            du,
+            dv,
+            axis_column,
+            axis_row,
+        }
     }
 }

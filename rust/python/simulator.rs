@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyReadonlyArray5, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -15,63 +15,48 @@ use rayon::prelude::*;
 
 use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
-use super::rays::{ImageArrays, PySurface, image_arrays};
+use super::rays::{PySurface, image_arrays};
 use super::scattering::PyMaterial;
-use super::settings::SettingsFields;
-use super::synthesis::PyWaveform;
+use super::settings::{Plane, SettingsFields};
+use super::synthesis::{PyWaveform, samples_array};
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::frame::{self, Answer, FrameCounts, Memory, Model, Source};
-use crate::geometry::pose::Pose;
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::surface_image::SurfaceImage;
-use crate::synthesis::report::Samples;
 
-/// Surfaces of bodies, and point targets.
+/// Body with a surface, and whether its vertices move; or cross-section of a point target [m^2].
+#[derive(FromPyObject)]
+pub(super) enum Target<'py> {
+    Body(PyRef<'py, PySurface>, bool),
+    Point(f64),
+}
+
+/// Bodies and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
 pub(super) struct PyScene(frame::Scene);
 
 #[pymethods]
 impl PyScene {
-    /// Build a scene. `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point
-    /// targets; numbers in the scene of both.
     #[new]
-    #[pyo3(signature = (surfaces, *, deforming, rcs, body_numbers, point_numbers))]
-    fn new(
-        surfaces: Vec<PyRef<'_, PySurface>>,
-        deforming: Vec<usize>,
-        rcs: PyReadonlyArray1<'_, f64>,
-        body_numbers: Vec<usize>,
-        point_numbers: Vec<usize>,
-    ) -> PyResult<Self> {
-        let lengths = [
-            ("rcs", point_numbers.len(), rcs.shape()[0]),
-            ("body_numbers", surfaces.len(), body_numbers.len()),
-        ];
-        for (name, expected, got) in lengths {
-            if expected != got {
-                return Err(Error::value(name, format!("{expected} of them"), got).into());
+    fn new(targets: Vec<Target<'_>>) -> Self {
+        let mut scene = frame::Scene::default();
+        for (number, target) in targets.into_iter().enumerate() {
+            match target {
+                Target::Body(surface, deforms) => {
+                    scene.deforming.extend(deforms.then_some(scene.surfaces.len()));
+                    scene.surfaces.push(surface.0.clone());
+                    scene.body_numbers.push(number);
+                }
+                Target::Point(rcs) => {
+                    scene.rcs.push(rcs);
+                    scene.point_numbers.push(number);
+                }
             }
         }
-        if !(deforming.is_sorted_by(|one, next| one < next) && deforming.iter().all(|row| *row < surfaces.len())) {
-            let expected = format!("increasing numbers below {}", surfaces.len());
-            return Err(Error::value("deforming", expected, format!("{deforming:?}")).into());
-        }
-        let mut all = [body_numbers.as_slice(), &point_numbers].concat();
-        all.sort_unstable();
-        if !all.iter().copied().eq(0..all.len()) {
-            let expected = format!("every number below {} once among both", all.len());
-            return Err(Error::value("body_numbers, point_numbers", expected, format!("{all:?}")).into());
-        }
-        Ok(Self(frame::Scene {
-            surfaces: surfaces.iter().map(|surface| surface.0.clone()).collect(),
-            deforming,
-            rcs: numbers("rcs", &rcs, [None])?.to_vec(),
-            body_numbers,
-            point_numbers,
-        }))
+        Self(scene)
     }
 }
 
@@ -81,40 +66,30 @@ pub(super) struct DepthScene(Arc<SurfaceImage>);
 
 #[pymethods]
 impl DepthScene {
-    /// Build from arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field
-    /// reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of
-    /// the frame is `age` [s] after the image.
+    /// Build from an image plane and arrays (rows, columns) of distances along the ray [m], unit normals towards the
+    /// sensor, field reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies;
+    /// the start of the frame is `age` [s] after the image.
     #[new]
     #[pyo3(signature = (
-        distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, range_rate=None, age=0.0
+        plane, distance, normals, reflection, albedo, body, *, num_bodies, range_rate=None, age=0.0
     ))]
     fn new(
+        plane: Plane,
         distance: PyReadonlyArray2<'_, f64>,
         normals: PyReadonlyArray3<'_, f64>,
         reflection: PyReadonlyArray2<'_, Complex64>,
         albedo: PyReadonlyArray2<'_, f64>,
         body: PyReadonlyArray2<'_, i32>,
         num_bodies: usize,
-        focal_length: (f64, f64),
-        principal_point: (f64, f64),
         range_rate: Option<PyReadonlyArray2<'_, f64>>,
         age: f64,
     ) -> PyResult<Self> {
-        let [rows, columns] = *distance.shape() else {
-            unreachable!("two axes")
-        };
-        let image = [Some(rows), Some(columns)];
+        let plane = ImagePlane::from(plane);
+        let image = [Some(plane.rows), Some(plane.columns)];
         let rates = range_rate.as_ref();
         let rates = rates.map(|rates| PyResult::Ok(numbers("range_rate", rates, image)?.to_vec()));
         Ok(Self(Arc::new(SurfaceImage {
-            plane: ImagePlane {
-                rows,
-                columns,
-                du: focal_length.0.recip(),
-                dv: focal_length.1.recip(),
-                axis_column: principal_point.0,
-                axis_row: principal_point.1,
-            },
+            plane,
             distance: numbers("distance", &distance, image)?.to_vec(),
             normal: points(numbers("normals", &normals, [image[0], image[1], Some(3)])?),
             reflection: numbers("reflection", &reflection, image)?.to_vec(),
@@ -184,16 +159,20 @@ pub(super) struct IdealFrame {
 }
 
 impl IdealFrame {
-    fn new(
-        py: Python<'_>,
-        cube: Bound<'_, PyAny>,
-        truth: Option<Bound<'_, PyArray2<f64>>>,
-        counts: FrameCounts,
-    ) -> PyResult<Self> {
+    /// Frame of a simulator; None where its motion needs more times.
+    fn new(py: Python<'_>, model: &Model, answer: Answer) -> PyResult<Option<Self>> {
+        let Answer::Done(frame) = answer else {
+            return Ok(None);
+        };
+        let truth = frame.truth.map(|truth| {
+            let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
+            rows.into_pyarray(py).reshape([4, truth.len()])
+        });
+        let counts = frame.counts;
         let nodes = &counts.node_times;
-        Ok(Self {
-            cube: cube.unbind(),
-            truth: truth.map(Bound::unbind),
+        Ok(Some(Self {
+            cube: samples_array(py, frame.cube, model.shape())?.unbind(),
+            truth: truth.transpose()?.map(Bound::unbind),
             farthest: counts.farthest,
             series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
             bounce_error: counts.bounce_error(),
@@ -206,41 +185,38 @@ impl IdealFrame {
             } else {
                 counts.plan.join("\n")
             },
-        })
+        }))
     }
 }
 
-/// Counts of rays, hits, tiles, paths and velocity rows, by name.
-fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
-    let mut all = vec![
-        ("casts", counts.casts),
-        ("rays_cast", counts.rays_cast),
-        ("rays_hit", counts.rays_hit),
-        ("tiles_skipped", counts.tiles_skipped),
-        ("tiles_reused", counts.tiles_reused),
-    ];
-    all.extend(counts.cells_not_split.map(|number| ("cells_not_split", number)));
-    all.extend([
-        ("paths", counts.paths),
-        ("paths_skipped", counts.paths_skipped),
-        ("bounce_paths", counts.bounce_paths),
-        ("bounce_rays", counts.bounce_rays),
-        ("bounces_stopped", counts.bounces_stopped),
-        ("bounces_not_split", counts.bounces_not_split),
-        ("delay_nodes", counts.node_times.delays),
-        ("amplitude_nodes", counts.node_times.amplitudes),
-        ("still_paths", counts.static_paths),
-    ]);
-    all.into_py_dict(py)
+/// Values of fields, by their names.
+macro_rules! by_name {
+    ($of:expr, $($field:ident),+) => { [$((stringify!($field), $of.$field)),+] };
 }
 
-type SimulatedPaths<'py> = (
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<Complex64>>,
-    Bound<'py, PyArray1<u32>>,
-    Bound<'py, PyArray1<u8>>,
-);
+/// Counts of rays, hits, tiles, paths and node times, by name.
+fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
+    let all = by_name!(counts, casts, rays_cast, rays_hit, tiles_skipped, tiles_reused).into_py_dict(py)?;
+    if let Some(number) = counts.cells_not_split {
+        all.set_item("cells_not_split", number)?;
+    }
+    let paths = by_name!(
+        counts,
+        paths,
+        paths_skipped,
+        bounce_paths,
+        bounce_rays,
+        bounces_stopped,
+        bounces_not_split
+    );
+    for (name, number) in paths {
+        all.set_item(name, number)?;
+    }
+    all.set_item("delay_nodes", counts.node_times.delays)?;
+    all.set_item("amplitude_nodes", counts.node_times.amplitudes)?;
+    all.set_item("still_paths", counts.static_paths)?;
+    Ok(all)
+}
 
 /// Simulator of frames, paths and images; keeps the hits of static tiles from one frame to the next.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -309,105 +285,22 @@ impl Simulator {
         let simulated = self.run(py, &self.memory, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
-        let Answer::Done(frame) = simulated else {
-            return Ok(None);
-        };
-        let shape = self.model.shape();
-        let cube = match frame.cube {
-            Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
-            Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
-        };
-        let truth = frame.truth.map(|truth| {
-            let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
-            rows.into_pyarray(py).reshape([4, truth.len()])
-        });
-        IdealFrame::new(py, cube, truth.transpose()?, frame.counts).map(Some)
+        IdealFrame::new(py, &self.model, simulated)
     }
 
-    /// Simulate the frames of worlds that differ in their motion alone, side by side. `own`: poses (time, body + 1, 3, 4)
-    /// of the bodies and the sensor, and `points` (time, point, 3), as for `Placement`; `moved`: poses (time, world, n, 3,
-    /// 4) that take their place, of the bodies `rows`: bodies, sensor and points are counted in this order. Samples
-    /// (world, channel, chirp, sample), truth (4, world * body), counts of all; None where a motion needs more times.
-    fn worlds(
-        &self,
-        py: Python<'_>,
-        own: PyReadonlyArray4<'_, f64>,
-        points: PyReadonlyArray3<'_, f64>,
-        moved: PyReadonlyArray5<'_, f64>,
-        rows: Vec<usize>,
-    ) -> PyResult<Option<IdealFrame>> {
-        let (times, number, placed) = (own.shape()[0], moved.shape()[1], rows.len());
-        let (bodies, of_time) = (own.shape()[1] - 1, Some(times));
-        let all = own.shape()[1] + points.shape()[1];
-        if number == 0 || times % 2 == 0 || rows.iter().any(|row| *row >= all) {
-            let expected = format!("worlds, an odd number of times, rows below {all}");
-            return Err(Error::value("moved", expected, format!("{:?}, {rows:?}", moved.shape())).into());
-        }
-        let own = self::poses(numbers("own", &own, [of_time, None, Some(3), Some(4)])?);
-        let points = self::points(numbers("points", &points, [of_time, None, Some(3)])?);
-        let moved = numbers("moved", &moved, [of_time, Some(number), Some(placed), Some(3), Some(4)])?;
-        let (moved, _) = moved.as_chunks::<12>();
-        let (all_poses, all_points) = (bodies + 1, points.len() / times);
-        let world_of = |world: usize| {
-            let (mut own, mut points) = (own.clone(), points.clone());
-            for time in 0..times {
-                for (column, &row) in rows.iter().enumerate() {
-                    let pose = Pose::from_rows(&moved[(time * number + world) * placed + column]);
-                    match row.checked_sub(all_poses) {
-                        None => own[time * all_poses + row] = pose,
-                        Some(point) => points[time * all_points + point] = pose.translation,
-                    }
-                }
-            }
-            let (sensor, poses): (Vec<_>, Vec<_>) = own
-                .chunks_exact(all_poses)
-                .map(|poses| (poses[bodies], &poses[..bodies]))
-                .unzip();
-            World {
-                sensor,
-                poses: poses.concat(),
-                points,
-                vertices: Vec::new(),
-            }
-        };
-        let frames = self.run(py, &self.memories, |memories, cancel| {
-            memories.resize_with(number, Memory::default);
-            let frames = memories.par_iter_mut().enumerate();
-            let frames =
-                frames.map(|(world, memory)| frame::simulate(&self.model, &world_of(world), None, memory, cancel));
+    /// Simulate the frames of worlds that differ in their motion alone, side by side; None where a motion needs more times.
+    fn worlds(&self, py: Python<'_>, motions: Vec<PyRef<'_, Placement>>) -> PyResult<Option<Vec<IdealFrame>>> {
+        let motions: Vec<_> = motions.iter().map(|motion| &motion.0).collect();
+        let answers = self.run(py, &self.memories, |memories, cancel| {
+            memories.resize_with(motions.len(), Memory::default);
+            let worlds = memories.par_iter_mut().zip(motions);
+            let frames = worlds.map(|(memory, motion)| frame::simulate(&self.model, motion, None, memory, cancel));
             frames.collect::<Result<Vec<_>>>()
         })?;
-        let (mut single, mut double) = (Vec::new(), Vec::new());
-        let mut truths = Vec::new();
-        let mut counts: Option<FrameCounts> = None;
-        for answer in frames {
-            let Answer::Done(frame) = answer else {
-                return Ok(None);
-            };
-            let frame = *frame;
-            match frame.cube {
-                Samples::Single(samples) => single.extend(samples),
-                Samples::Double(samples) => double.extend(samples),
-            }
-            truths.push(frame.truth.unwrap_or_default());
-            counts = Some(match counts {
-                Some(before) => before.and(frame.counts),
-                None => frame.counts,
-            });
-        }
-        let [channels, chirps, samples] = self.model.shape();
-        let shape = [number, channels, chirps, samples];
-        let cube = if double.is_empty() {
-            single.into_pyarray(py).reshape(shape)?.into_any()
-        } else {
-            double.into_pyarray(py).reshape(shape)?.into_any()
-        };
-        let rows = (0..4).flat_map(|row| truths.iter().flatten().map(move |body| body[row]));
-        let truth = rows
-            .collect::<Vec<f64>>()
-            .into_pyarray(py)
-            .reshape([4, truths.iter().flatten().count()])?;
-        IdealFrame::new(py, cube, Some(truth), counts.unwrap_or_default()).map(Some)
+        let frames = answers
+            .into_iter()
+            .map(|answer| IdealFrame::new(py, &self.model, answer));
+        frames.collect()
     }
 
     /// Stop the run in progress in another thread, if there is one: it ends between two stages, with an error.
@@ -426,7 +319,7 @@ impl Simulator {
         motion: PyRef<'_, Placement>,
         at: PyRef<'_, Placement>,
         rates_at: PyRef<'_, Placement>,
-    ) -> PyResult<SimulatedPaths<'py>> {
+    ) -> PyResult<impl IntoPyObject<'py>> {
         let (frame, at) = (&motion.0, (&at.0, &rates_at.0));
         let paths = self.run(py, &self.memory, |memory, cancel| {
             frame::paths(&self.model, frame, at, memory, cancel)
@@ -442,14 +335,12 @@ impl Simulator {
     }
 
     /// Hits of the rays of an image with the kinematics `at` one time.
-    fn image<'py>(&self, py: Python<'py>, at: PyRef<'_, Placement>) -> PyResult<ImageArrays<'py>> {
+    fn image<'py>(&self, py: Python<'py>, at: PyRef<'_, Placement>) -> PyResult<impl IntoPyObject<'py>> {
         let at = &at.0;
-        image_arrays(
-            py,
-            self.run(py, &self.memory, |memory, cancel| {
-                frame::image(&self.model, at, memory, cancel)
-            })?,
-        )
+        let hits = self.run(py, &self.memory, |memory, cancel| {
+            frame::image(&self.model, at, memory, cancel)
+        })?;
+        image_arrays(py, hits)
     }
 
     /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes.

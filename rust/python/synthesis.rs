@@ -1,10 +1,12 @@
 //! Waveforms and beat signals.
 
 use num_complex::Complex64;
-use numpy::{IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::IntoPyDict;
 
-use super::arrays::{contiguous, numbers};
+use super::arrays::numbers;
 use super::threads::{check_threads, compute};
 use crate::error::{Error, Result};
 use crate::numeric::simd::Level;
@@ -12,7 +14,7 @@ use crate::synthesis::beat_signal as sums;
 use crate::synthesis::chirp;
 use crate::synthesis::choose::Method;
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::report::{self, Known, Options, Samples};
+use crate::synthesis::report::{Known, Options, Samples};
 
 /// Times and frequencies of a frame.
 #[pyclass(frozen, name = "Waveform", module = "radarcore._core")]
@@ -43,88 +45,10 @@ impl PyWaveform {
     }
 }
 
-/// Paths as arrays (path,), (channel, path) or, at nodes, (node, channel, path).
-pub(super) struct PathRows<'py> {
-    pub(super) basis: Basis,
-    pub(super) delay: Vec<PyReadonlyArrayDyn<'py, f64>>,
-    pub(super) amplitude: PyReadonlyArrayDyn<'py, Complex64>,
-    pub(super) num_channels: usize,
-    pub(super) num_paths: usize,
-}
-
-impl<'py> PathRows<'py> {
-    /// Borrow the arrays; an error for shapes that do not fit together.
-    pub(super) fn new(
-        delay: PyReadonlyArrayDyn<'py, f64>,
-        amplitude: PyReadonlyArrayDyn<'py, Complex64>,
-        delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
-        delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
-    ) -> Result<Self> {
-        let shape = delay.shape().to_vec();
-        let is_nodal = shape.len() == 3;
-        if shape.is_empty() || shape.len() > 3 {
-            return Err(Error::value("delay", "one to three axes", format!("{shape:?}")));
-        }
-        if is_nodal && shape[0] == 0 {
-            return Err(Error::value("delay", "1 to 4096 nodes", 0));
-        }
-        let expected = &shape[usize::from(is_nodal)..];
-        let got = amplitude.shape();
-        let has_nodes = is_nodal && got.len() == 3 && got[0] > 0;
-        if got[usize::from(has_nodes)..] != *expected {
-            let nodes = if is_nodal { ", or those with nodes in front" } else { "" };
-            return Err(Error::value(
-                "amplitude",
-                format!("shape {expected:?}{nodes}"),
-                format!("{got:?}"),
-            ));
-        }
-        for (name, row) in [("delay_rate", &delay_rate), ("delay_acceleration", &delay_acceleration)] {
-            if let Some(row) = row.as_ref().filter(|row| is_nodal || row.shape() != shape) {
-                let expected = format!("shape {shape:?} of delays without nodes");
-                return Err(Error::value(name, expected, format!("{:?}", row.shape())));
-            }
-        }
-        if delay_acceleration.is_some() && delay_rate.is_none() {
-            let expected = "one together with delay_acceleration";
-            return Err(Error::value("delay_rate", expected, "none"));
-        }
-        let (num_channels, num_paths) = match *expected {
-            [channels, paths] => (channels, paths),
-            _ => (1, expected[0]),
-        };
-        let mut rows = vec![delay];
-        rows.extend(delay_rate);
-        rows.extend(delay_acceleration);
-        Ok(Self {
-            basis: if is_nodal { Basis::Chebyshev } else { Basis::Taylor },
-            delay: rows,
-            amplitude,
-            num_channels,
-            num_paths,
-        })
-    }
-
-    /// Run a function with the series of these paths.
-    pub(super) fn with_series<T>(&self, run: impl FnOnce(&PathSeries) -> PyResult<T>) -> PyResult<T> {
-        let plane = (self.num_channels * self.num_paths).max(1);
-        let mut delay: Vec<&[f64]> = Vec::new();
-        for row in &self.delay {
-            delay.extend(contiguous("delay", row)?.chunks(plane));
-        }
-        let mut amplitude: Vec<&[Complex64]> = contiguous("amplitude", &self.amplitude)?.chunks(plane).collect();
-        // No paths leave no rows.
-        if delay.is_empty() || amplitude.is_empty() {
-            (delay, amplitude) = (vec![&[][..]], vec![&[][..]]);
-        }
-        run(&PathSeries {
-            basis: self.basis,
-            delay: &delay,
-            amplitude: &amplitude,
-            num_channels: self.num_channels,
-            num_paths: self.num_paths,
-        })
-    }
+/// Rows (channel, path) of a series.
+fn rows<'a, T: Element>(name: &str, rows: &'a [PyReadonlyArray2<'_, T>], shape: [usize; 2]) -> PyResult<Vec<&'a [T]>> {
+    let rows = rows.iter().map(|row| numbers(name, row, shape.map(Some)));
+    rows.collect()
 }
 
 /// Method of the sum, from the name in Python.
@@ -141,15 +65,6 @@ pub(super) fn method(name: &str) -> Result<Method> {
     }
 }
 
-/// Bound on the error of the sum. Zero asks for the best there is.
-pub(super) fn tolerance(value: f64) -> Result<f64> {
-    if value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(Error::value("tolerance", "zero or a positive number", value))
-    }
-}
-
 /// Instruction set, from its name in Python; without one the best.
 pub(super) fn level(name: Option<&str>) -> Result<Level> {
     let Some(name) = name else { return Ok(Level::best()) };
@@ -159,90 +74,73 @@ pub(super) fn level(name: Option<&str>) -> Result<Level> {
         .ok_or_else(|| Error::value("level", format!("one of {:?}", levels()), name))
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and the report of the sum. `report` receives the number of chirps of
-/// all channels that a direct sum has done, from time to time.
+/// Beat samples (channel, chirp, sample) of paths, the report of the sum, and its numbers. Delays and amplitudes are rows (channel,
+/// path): at nodes with `is_nodal`, else delay, rate and acceleration, and one row of amplitudes. `report` receives the
+/// number of chirps of all channels that a direct sum has done, from time to time.
 #[pyfunction(signature = (
-    delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
-    report=None
+    delay, amplitude, *, is_nodal, waveform, tolerance, method, threads=None, level=None, report=None
 ))]
 pub(super) fn beat_signal<'py>(
     py: Python<'py>,
-    delay: PyReadonlyArrayDyn<'py, f64>,
-    amplitude: PyReadonlyArrayDyn<'py, Complex64>,
-    delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
-    delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
+    delay: Vec<PyReadonlyArray2<'py, f64>>,
+    amplitude: Vec<PyReadonlyArray2<'py, Complex64>>,
+    is_nodal: bool,
     waveform: PyRef<'py, PyWaveform>,
     tolerance: f64,
     method: &str,
     threads: Option<usize>,
     level: Option<&str>,
     report: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyAny>, SumReport)> {
+) -> PyResult<impl IntoPyObject<'py>> {
     check_threads(threads)?;
-    let paths = PathRows::new(delay, amplitude, delay_rate, delay_acceleration)?;
+    let first = delay.first().map(|row| row.dims());
+    let first = first.or_else(|| amplitude.first().map(|row| row.dims()));
+    let (num_channels, num_paths) = first.unwrap_or_default().into_pattern();
+    let series = PathSeries {
+        basis: if is_nodal { Basis::Chebyshev } else { Basis::Taylor },
+        delay: &rows("delay", &delay, [num_channels, num_paths])?,
+        amplitude: &rows("amplitude", &amplitude, [num_channels, num_paths])?,
+        num_channels,
+        num_paths,
+    };
     let waveform = &waveform.0;
-    let shape = [paths.num_channels, waveform.chirp_times.len(), waveform.num_samples];
-    let is_long = sums::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
+    let shape = [num_channels, waveform.chirp_times.len(), waveform.num_samples];
+    let is_long = sums::is_worth_threads([num_paths, shape[0], shape[1], shape[2]]);
     let method = self::method(method)?;
     let options = Options {
         level: self::level(level)?,
-        tolerance: self::tolerance(tolerance)?,
+        tolerance,
         is_parallel: is_long && threads != Some(1),
         cancel: None,
         known: Known::NOTHING,
     };
-    let (samples, report) = paths.with_series(|series| {
-        let sum = |options: &Options| sums::beat_signal(waveform, series, method, options);
-        if is_long {
-            compute(py, threads, report.as_ref(), |cancel| {
-                sum(&Options {
-                    cancel: Some(cancel),
-                    ..options
-                })
-            })
-        } else {
-            py.detach(|| sum(&options).map_err(PyErr::from))
-        }
-    })?;
-    let array = match samples {
-        Samples::Single(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
-        Samples::Double(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
+    let sum = |options: &Options| sums::beat_signal(waveform, &series, method, options);
+    let (samples, report) = if is_long {
+        compute(py, threads, report.as_ref(), |cancel| {
+            let cancel = Some(cancel);
+            sum(&Options { cancel, ..options })
+        })?
+    } else {
+        py.detach(|| sum(&options))?
     };
-    Ok((array?, report.into()))
+    let numbers = [
+        ("width", report.width),
+        ("static_paths", report.num_static),
+        ("memory", report.memory),
+    ];
+    let numbers = numbers.into_py_dict(py)?;
+    numbers.set_item("engine", report.engine)?;
+    numbers.set_item("is_single", report.is_single)?;
+    numbers.set_item("error", report.total_error)?;
+    Ok((samples_array(py, samples, shape)?, report.to_string(), numbers))
 }
 
-/// Report of a sum, see the stub.
-#[pyclass(frozen, get_all, str = "{text}", module = "radarcore._core")]
-pub(super) struct SumReport {
-    text: String,
-    engine: &'static str,
-    precision: &'static str,
-    width: usize,
-    grids: usize,
-    blocks: usize,
-    static_paths: usize,
-    error: f64,
-    memory: usize,
-    runs: usize,
-    gain: f64,
-}
-
-impl From<report::Report> for SumReport {
-    fn from(report: report::Report) -> Self {
-        Self {
-            text: report.to_string(),
-            engine: report.engine,
-            precision: if report.is_single { "single" } else { "double" },
-            width: report.width,
-            grids: report.num_grids,
-            blocks: report.num_blocks,
-            static_paths: report.num_static,
-            error: report.total_error,
-            memory: report.memory,
-            runs: report.num_runs,
-            gain: report.gain,
-        }
-    }
+/// Samples as an array, in their precision.
+pub(super) fn samples_array(py: Python<'_>, samples: Samples, shape: [usize; 3]) -> PyResult<Bound<'_, PyAny>> {
+    Ok(match samples {
+        Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+        Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+    })
 }
 
 /// Names of the instruction sets of this processor, slowest first, up to ``RADARCORE_SIMD``.

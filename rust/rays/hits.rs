@@ -21,11 +21,9 @@ pub struct Hits {
     pub surface_distance: Vec<f64>,
     /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
     pub normal: Vec<[f64; 3]>,
-    /// Work done for the hits.
-    pub counts: Counts,
 }
 
-/// Work done for the hits of an image.
+/// Work done for hits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Rays that searched a tree.

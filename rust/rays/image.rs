@@ -16,7 +16,7 @@ use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel};
 use crate::rays::camera::{ImagePlane, PixelTile, TILE};
-use crate::rays::hits::{Cast, Counts, Hits};
+use crate::rays::hits::{Cast, Hits};
 use crate::rays::packet::TileRays;
 use crate::rays::scene::{NO_BODY, PosedScene, bounds};
 use crate::rays::search::Scratch;
@@ -36,10 +36,9 @@ impl PosedScene {
             triangle: vec![0; num_pixels],
             surface_distance: vec![0.0; num_pixels],
             normal: vec![[0.0; 3]; num_pixels],
-            counts: Counts::default(),
         };
         let band = TILE * plane.columns;
-        let counts = hits
+        let bands = hits
             .distance
             .par_chunks_mut(band)
             .zip_eq(hits.cosine.par_chunks_mut(band))
@@ -51,7 +50,7 @@ impl PosedScene {
             .map(|(index, pixels)| {
                 let (((((distance, cosine), body), triangle), surface_distance), normal) = pixels;
                 cast.cancel.map_or(Ok(()), Cancel::check)?;
-                Ok(cast.level.run(CastBand {
+                cast.level.run(CastBand {
                     scene: self,
                     cast,
                     plane,
@@ -62,9 +61,10 @@ impl PosedScene {
                     triangle,
                     surface_distance,
                     normal,
-                }))
+                });
+                Ok(())
             });
-        hits.counts = counts.try_reduce(Counts::default, |a, b| Ok(a.plus(b)))?;
+        bands.collect::<Result<()>>()?;
         Ok(hits)
     }
 
@@ -108,26 +108,22 @@ struct CastBand<'a> {
 }
 
 impl Kernel for CastBand<'_> {
-    type Output = Counts;
+    type Output = ();
 
     #[cfg_attr(optimised, inline(always))] // see `Kernel`
-    fn run<I: Isa>(mut self) -> Counts {
+    fn run<I: Isa>(mut self) {
         let tiles = self.plane.columns.div_ceil(TILE);
         let mut scratch = Scratch::new();
-        let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
             scratch.rays.generate::<I>(self.plane, &tile);
             if self.cast.is_outside(&scratch.rays) || self.scene.search::<I>(&mut scratch, self.cast) {
                 self.clear(&tile);
-                counts.tiles_skipped += 1;
-                continue;
+            } else {
+                scratch.measure::<I>(self.scene);
+                self.write(&tile, &scratch);
             }
-            counts.rays += tile.rows * tile.columns;
-            scratch.measure::<I>(self.scene);
-            self.write(&tile, &scratch);
         }
-        counts
     }
 }
 

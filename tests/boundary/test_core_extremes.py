@@ -53,11 +53,14 @@ def poses_of_nothing() -> Any:
 @pytest.mark.parametrize(
     ("call", "shape"),
     [
-        (lambda: beat(np.zeros((0, 3)), np.zeros((0, 3), complex)), (0, 2, 8)),
-        (lambda: beat(np.zeros((2, 0)), np.zeros((2, 0), complex), np.zeros((2, 0))), (2, 2, 8)),
-        (lambda: beat(np.zeros((2, 0)), np.zeros((2, 0), complex), method="auto"), (2, 2, 8)),
-        (lambda: beat(np.zeros((4, 2, 0)), np.zeros((4, 2, 0), complex)), (2, 2, 8)),
-        (lambda: beat(np.zeros((4, 0, 3)), np.zeros((4, 0, 3), complex), method="auto"), (0, 2, 8)),
+        (lambda: beat([np.zeros((0, 3))], [np.zeros((0, 3), complex)]), (0, 2, 8)),
+        (lambda: beat([np.zeros((2, 0))] * 2, [np.zeros((2, 0), complex)]), (2, 2, 8)),
+        (lambda: beat([np.zeros((2, 0))], [np.zeros((2, 0), complex)], method="auto"), (2, 2, 8)),
+        (lambda: beat([np.zeros((2, 0))] * 4, [np.zeros((2, 0), complex)] * 4, is_nodal=True), (2, 2, 8)),
+        (
+            lambda: beat([np.zeros((0, 3))] * 4, [np.zeros((0, 3), complex)] * 4, is_nodal=True, method="auto"),
+            (0, 2, 8),
+        ),
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
         (lambda: EMPTY_HITS[0], (20, 30)),
@@ -116,7 +119,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
             lambda smooth=smooth: frame(turned, **smooth),
             lambda smooth=smooth: frame(jumping, **smooth),
             lambda smooth=smooth: frame(rates=wild_places, **smooth),
-            lambda options=options: frame(source=scene(rcs=np.full(1, value)), **options),
+            lambda options=options: frame(source=scene(rcs=[value]), **options),
             lambda options=options: frame(materials=[GLASS], polarization=(value,) * 3, **options),
             lambda options=options: frame(frequency=value, power=value, **options),
             lambda smooth=smooth: frame(center=(value,) * 3, **smooth),
@@ -139,10 +142,10 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         reflectance([material], polarization=(value,) * 3)
         material.response(np.array([0.0, 1.0, value]), wavelength=value, seen=(value, value))
     if np.isfinite(value):
-        wild, rates_of = np.full((2, 3), value), np.full((2, 3), value)
+        wild = np.full((2, 3), value)
         for method in ("direct", "auto", "grid"):
             try:
-                samples = beat(wild, wild + 0j, rates_of, rates_of, slope=value, start_frequency=value, method=method)
+                samples = beat([wild] * 3, [wild + 0j], slope=value, start_frequency=value, method=method)
             except (ValueError, MemoryError):
                 continue
             assert np.isfinite(samples).all()

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_calls import (
-    AMPLITUDE,
-    DELAY,
     GLASS,
     MATERIAL,
     POSES,
@@ -44,7 +42,7 @@ def test_threads_do_not_change_a_bit() -> None:
         placement(SENSOR, nodes[2:3], points[:1]),
         placement(0.0 * SENSOR, nodes[:1] - nodes[2:3], 0.0 * points[:1]),
     )
-    world = scene([body, SURFACE], rcs=np.ones(7), point_numbers=list(range(2, 9)))
+    world = scene([body, SURFACE], rcs=[1.0] * 7)
     materials, plane = [MATERIAL, GLASS], (67, 91, 0.3, 0.3)
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
@@ -60,10 +58,7 @@ def test_threads_do_not_change_a_bit() -> None:
             _core.reflectance(
                 materials, hits[2], hits[1], hits[4], hits[4], frequency=60e9, polarization=None, threads=threads
             ),
-            *(
-                beat(DELAY, AMPLITUDE, num_samples=130, threads=threads, method=method, tolerance=1e-5)
-                for method in ("direct", "auto")
-            ),
+            *(beat(num_samples=130, threads=threads, method=method, tolerance=1e-5) for method in ("direct", "auto")),
         ]
 
     first = everything(1)
@@ -105,7 +100,7 @@ def test_interpreter_is_free_while_the_core_computes() -> None:
     large = surface(soup, np.arange(60_000, dtype=np.uint32).reshape(-1, 3))
     chirps = 1e-4 * np.arange(16)
     calls: list[Call] = [
-        lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),
+        lambda: beat([delay], [amplitude], num_samples=64, chirp_times=chirps, threads=1),
         lambda: cast(rows=700, columns=700, threads=1),
         lambda: frame(rays=(500, 500, 0.5, 0.5), threads=1),
         lambda: large.deform(soup, threads=1),

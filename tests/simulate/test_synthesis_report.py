@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from fast_sums import CHIRP, DOPPLER, METHODS, moving, steady
-from path_scenes import Paths, sweep_waveform
-from radarcore import _core
+from path_scenes import Paths, Report, sweep_waveform
 
 
-def report_of(paths: Paths, wf: rc.Waveform, **options: Any) -> _core.SumReport:
+def report_of(paths: Paths, wf: rc.Waveform, **options: Any) -> Report:
     return paths.signal(wf, **options)[1]
 
 
@@ -62,14 +61,15 @@ assert ctypes.CDLL(None).prctl(41, 1, 0, 0, 0) == 0
 import numpy as np
 import radarcore as rc
 from radarcore import _core
+from radarcore.simulate.beat import core_rows
 
 def kilobytes(key):
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(key))
 
 def run(*paths):
     return _core.beat_signal(
-        *paths, waveform=wf._core, tolerance={tolerance}, method="grid", threads={threads}
-    )[1].memory
+        **core_rows(*paths), waveform=wf._core, tolerance={tolerance}, method="grid", threads={threads}
+    )[2]["memory"]
 
 n = {num_paths}
 wf = rc.Waveform(start_frequency=58e9, slope=3e13, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore.simulate.placement import core_placement
 from radarcore.simulate.simulator import Simulator
 
 RNG = np.random.default_rng(5)
@@ -141,11 +142,13 @@ def test_fast_worlds_are_warned_of_once_by_name():
         many.worlds(poses_at(1.0, 2.0), velocities=[[[0.0, 0.0, 0.0]], [[30.0, 0.0, 0.0]]])
 
 
-def test_core_refuses_rows_that_are_not_there():
+def test_core_refuses_worlds_that_the_scene_does_not_have():
     engine = simulator(BALL)._engines[0]
-    poses = np.tile(np.eye(4)[:3], (3, 2, 1, 1))
-    with pytest.raises(ValueError, match=r"moved: expected worlds, an odd number of times, rows below 2, got .*\[2\]"):
-        engine.worlds(poses, np.zeros((3, 0, 3)), np.ascontiguousarray(poses[:, :, None]), [2])
+    poses, points = np.tile(np.eye(4)[:3], (3, 2, 1, 1)), np.zeros((3, 0, 3))
+    good, bad = core_placement(poses, points), core_placement(poses[:, :1], points)
+    assert engine.worlds([]) == []
+    with pytest.raises(ValueError, match="poses: expected 1 of them as the scene has, got 0"):
+        engine.worlds([good, bad])
 
 
 def test_tools_find_the_ball_by_radar_alone():

@@ -234,15 +234,15 @@ def _simulate(
 ) -> _core.IdealFrame:
     """Ideal frame of one sub-sequence that starts at `start` [s], of an image taken at `at` [s]."""
     waveform = ramps_of(radar)
+    camera = image.camera
     source = _core.DepthScene(
+        (*image.distance.shape, 1.0 / camera.fx, 1.0 / camera.fy, camera.cx, camera.cy),
         np.ascontiguousarray(image.distance),
         np.ascontiguousarray(image.normals),
         np.ascontiguousarray(image.reflection),
         np.ascontiguousarray(image.albedo),
         np.ascontiguousarray(image.body),
         num_bodies=len(motion.twists),
-        focal_length=(image.camera.fx, image.camera.fy),
-        principal_point=(image.camera.cx, image.camera.cy),
         range_rate=np.ascontiguousarray(image.range_rate) if image.range_rate.any() else None,
         age=start - at,
     )

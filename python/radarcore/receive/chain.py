@@ -49,7 +49,9 @@ def receive_all(
     if is_plain(receiver):
         # White noise of an I/Q receiver has half of its power in either part.
         variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
-        return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seeds=seeds, start=start)
+        samples = ideal.real.copy() if receiver.output == "real" else ideal
+        _core.add_noise(samples.view(ideal.real.dtype), seeds, variance**0.5, start)
+        return samples
     if len(seeds) > 1:
         parts = zip(np.split(ideal, len(seeds)), seeds, strict=True)
         return np.concatenate([receive(part, radar, start, seed=seed, uses=uses) for part, seed in parts])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, pi, prod, sin, sqrt
+from math import ceil, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -107,8 +107,9 @@ class RandomStreams:
 
     def normal(self, effect: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
         """Numbers of mean 0 and deviation 1."""
-        numbers = _core.normal(prod(shape), seed=_key(self.seed, _EFFECTS.index(effect)), start=self.start)
-        return numbers.reshape(shape)
+        numbers = np.zeros(shape, np.float32)
+        _core.add_noise(numbers, [_key(self.seed, _EFFECTS.index(effect))], 1.0, self.start)
+        return numbers
 
     def complex_normal(self, effect: str, shape: tuple[int, ...]) -> NDArray[np.complex64]:
         """Circular numbers whose real and imaginary parts have the deviation 1."""

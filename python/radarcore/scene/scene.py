@@ -33,8 +33,6 @@ class Parts:
         True for bodies with meshes that never move.
     point_numbers : (point,) int32
         Number in the scene of every point target.
-    cross_sections : (point,) float64
-        [m^2].
     positions, velocities : (point, 3) float64
         In the world [m] at time 0, and [m/s].
     """
@@ -44,7 +42,6 @@ class Parts:
     deforming: tuple[int, ...]
     are_still: NDArray[np.bool_]
     point_numbers: NDArray[np.int32]
-    cross_sections: NDArray[np.float64]
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
 
@@ -65,7 +62,6 @@ class Parts:
             deforming=tuple(k for k, (_, body) in enumerate(meshed) if body.deformation is not None),
             are_still=np.array(still, dtype=np.bool_),
             point_numbers=np.array([i for i, _ in points], dtype=np.int32),
-            cross_sections=np.array([point.rcs for _, point in points], dtype=np.float64),
             positions=np.array([point.position for _, point in points], dtype=np.float64).reshape(-1, 3),
             velocities=np.array([point.velocity for _, point in points], dtype=np.float64).reshape(-1, 3),
         )
@@ -164,13 +160,11 @@ class Scene:
 
     @cached_property
     def _core(self) -> _core.Scene:
-        parts = self.parts
         return _core.Scene(
-            [body.mesh._core for body in parts.meshed],
-            deforming=parts.deforming,
-            rcs=parts.cross_sections,
-            body_numbers=parts.mesh_numbers.tolist(),
-            point_numbers=parts.point_numbers.tolist(),
+            [
+                body.rcs if isinstance(body, PointTarget) else (body.mesh._core, body.deformation is not None)
+                for body in self.bodies
+            ]
         )
 
     @property

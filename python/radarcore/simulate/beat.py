@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,8 +98,8 @@ def beat_signal(
     # Other sums have no steps that are worth counting.
     shown = progress and method == "direct"
     with notice.progress_if_long("direct sum", "chirp", total, shown=shown) as report:
-        samples, _ = _core.beat_signal(
-            *paths,
+        samples, *_ = _core.beat_signal(
+            **core_rows(*paths),
             waveform=waveform._core,
             tolerance=check_tolerance(tolerance),
             method=check.choice("method", method, METHODS),
@@ -141,6 +141,17 @@ def _paths(
     if acceleration is not None and rate is None:
         rate = np.zeros_like(delays)
     return delays, _like("amplitude", amplitudes, shape), rate, acceleration
+
+
+def core_rows(delay: _Reals, amplitude: NDArray[np.complex128], *derivatives: _Reals | None) -> dict[str, Any]:
+    """Paths as the core takes them: rows (channel, path) of delays and their derivatives, or of both at nodes."""
+    terms = (delay, *(derivative for derivative in derivatives if derivative is not None))
+    is_nodal = delay.ndim == 3
+    return {
+        "delay": list(delay) if is_nodal else [np.atleast_2d(term) for term in terms],
+        "amplitude": list(amplitude) if amplitude.ndim == 3 else [np.atleast_2d(amplitude)],
+        "is_nodal": is_nodal,
+    }
 
 
 def _with_axes(name: str, array: NDArray[Number]) -> NDArray[Number]:

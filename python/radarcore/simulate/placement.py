@@ -61,7 +61,7 @@ class Placement:
         placements = []
         for frame, start in enumerate(starts):
             vertices = self._vertices(start + self._waveform.delay_times(_num_vertex_times(num_times)))
-            placements.append(self._core_placement(poses[frame], self._points(times[frame]), vertices))
+            placements.append(core_placement(poses[frame], self._points(times[frame]), vertices))
         return placements
 
     def own(self, num_times: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -76,20 +76,13 @@ class Placement:
     def at(self, time: float) -> _core.Placement:
         """Placement at one time [s]."""
         times = np.array([time])
-        return self._core_placement(self._motions.poses_at(times), self._points(times), self._vertices(times))
+        return core_placement(self._motions.poses_at(times), self._points(times), self._vertices(times))
 
     def rates_at(self, time: float) -> _core.Placement:
         """Time derivatives of the placement at one time [s]."""
         rates, parts = self._motions.rates_at(np.array([time])), self._parts
         vertices = [parts.vertex_rates_at(mesh, time)[None] for mesh in parts.deforming]
-        return self._core_placement(rates, parts.velocities[None], vertices)
-
-    @staticmethod
-    def _core_placement(
-        poses: NDArray[np.float64], points: NDArray[np.float64], vertices: Sequence[NDArray[np.float64]]
-    ) -> _core.Placement:
-        bodies, sensor = np.ascontiguousarray(poses[:, :-1]), np.ascontiguousarray(poses[:, -1])
-        return _core.Placement(sensor, bodies, points, vertices)
+        return core_placement(rates, parts.velocities[None], vertices)
 
     def _points(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         return self._parts.positions + times[:, None, None] * self._parts.velocities
@@ -97,6 +90,14 @@ class Placement:
     def _vertices(self, times: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         parts = self._parts
         return [np.array([parts.vertices_at(mesh, at) for at in times.tolist()]) for mesh in parts.deforming]
+
+
+def core_placement(
+    poses: NDArray[np.float64], points: NDArray[np.float64], vertices: Sequence[NDArray[np.float64]] = ()
+) -> _core.Placement:
+    """Poses (time, body + 1, 3, 4), positions of points (time, point, 3) and vertices of bodies, for the core."""
+    bodies, sensor = np.ascontiguousarray(poses[:, :-1]), np.ascontiguousarray(poses[:, -1])
+    return _core.Placement(sensor, bodies, points, vertices)
 
 
 def _num_vertex_times(num_times: int) -> int:

@@ -29,7 +29,7 @@ from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.engine import NUM_TIMES, at_receivers, counts_of, ideal_frame, new_engine, ramps_of
 from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
-from radarcore.simulate.placement import Placement
+from radarcore.simulate.placement import Placement, core_placement
 from radarcore.simulate.settings import Settings, changed_settings, frame_times
 from radarcore.simulate.side_by_side import Ask, directly, in_order
 from radarcore.simulate.view import Angles, is_outside, whole_tiles
@@ -353,20 +353,20 @@ class Simulator(Settings):
         placements = Placements(self.scene, poses, velocities, angular_velocities, names)
         if self._placement.duration == 0.0:
             raise ValueError("worlds: expected a radar whose frames have several samples; `frame` takes a single one")
-        ideals: list[_core.IdealFrame] = []
+        by_sequence: list[list[_core.IdealFrame]] = []
         arriving: list[NDArray[Any]] = []
         for engine, placement, radar in zip(self._engines, self._placements, self._sequences, strict=True):
-            num_times, ideal = NUM_TIMES, None
-            while ideal is None:
-                times, own, points = placement.own(num_times)
-                moved = placements.at(times)
-                self._warnings.before_first_worlds(own[0], points[0], moved[0], placements.rows)
-                ideal, num_times = engine.worlds(own, points, moved, placements.rows), 2 * num_times - 1
-            ideals.append(ideal)
-            arriving.append(at_receivers(ideal.cube.reshape(-1, *ideal.cube.shape[2:]), radar))
+            num_times, frames = NUM_TIMES, None
+            while frames is None:
+                poses, points = placements.placed(*placement.own(num_times))
+                self._warnings.before_first_worlds(poses[:, 0], points[:, 0])
+                motions = [core_placement(*world) for world in zip(poses, points, strict=True)]
+                frames, num_times = engine.worlds(motions), 2 * num_times - 1
+            by_sequence.append(frames)
+            arriving.append(at_receivers(np.concatenate([frame.cube for frame in frames]), radar))
         seeds = [(self.seed + world) % 2**64 for world in range(placements.number)]
         cube, use = received(arriving, self._sequences, 0.0, seeds=seeds)
-        rows = self._checked_truth(ideals, use)
+        rows = self._checked_truth(by_sequence, use)
         truth = Truth(self.scene.names, *rows.reshape(len(rows), placements.number, -1))
         return Worlds(cube.reshape(placements.number, -1, *cube.shape[1:]), truth)
 
@@ -510,18 +510,19 @@ class Simulator(Settings):
             stats |= use.stats(self.radar.receiver)
         if interference:
             self._warnings.strong_interferer(interference["strongest_interferer"])
-        truth = truth_of_rows(self.scene.names, self._checked_truth(ideals, use))
+        truth = truth_of_rows(self.scene.names, self._checked_truth([[ideal] for ideal in ideals], use))
         return frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
-    def _checked_truth(self, ideals: list[_core.IdealFrame], use: Use | None) -> NDArray[np.float64]:
-        """Truth (field, body) of a frame, or of one world after the other, after warnings of what does not hold."""
+    def _checked_truth(self, by_sequence: list[list[_core.IdealFrame]], use: Use | None) -> NDArray[np.float64]:
+        """Truth (field, body) of worlds one after the other, after warnings of what does not hold."""
         if use is not None:
             self._warnings.unsuitable_gain(use)
+        ideals = [ideal for worlds in by_sequence for ideal in worlds]
         for ideal in ideals:
             self._warnings.unresolved(ideal)
         self._warnings.unsplit_cells(sum(ideal.counts.get("cells_not_split", 0) for ideal in ideals))
-        rows = ideals[0].truth
-        assert rows is not None  # as every scene has one
+        # Every scene has a truth.
+        rows = np.concatenate([ideal.truth for ideal in by_sequence[0] if ideal.truth is not None], axis=1)
         self._hide_points(rows)
         self._warnings.too_fast(rows[1])
         return rows

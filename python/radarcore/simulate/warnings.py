@@ -129,22 +129,16 @@ class Warnings:
         self._reflectors_from_behind(placement, time)
         self._given.add("first frame")
 
-    def before_first_worlds(
-        self, poses: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
-    ) -> None:
+    def before_first_worlds(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
         """Refuse antennas inside of a body or at its surface at the start of any of the first worlds; warn of meshes.
 
-        Arguments as the core takes them, at one time.
+        `poses` (world, body + 1, 3, 4) of bodies with meshes and of the sensor, `points` (world, point, 3).
         """
         if "first worlds" in self._given:
             return
         self.unknown_materials()
         self._empty_meshes()
-        for world in moved:
-            placed = np.zeros((len(poses) + len(points), 3, 4))
-            placed[: len(poses)], placed[len(poses) :, :, 3] = poses, points
-            placed[rows] = world
-            own, targets = placed[: len(poses)], placed[len(poses) :, :, 3]
+        for own, targets in zip(poses, points, strict=True):
             check_antennas(self._scene, own, self._radar, 0.0, points=targets, name="poses")
         self._given.add("first worlds")
 

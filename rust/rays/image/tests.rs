@@ -13,27 +13,6 @@ use crate::rays::tests::furnished;
 use crate::rays::tests::scenes::{grid, shaded, surface, wall};
 
 #[test]
-fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
-    let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
-    let (surfaces, poses) = furnished();
-    let scene = PosedScene::new(surfaces[1..].to_vec(), poses[1..].to_vec());
-    let skipping = scene.cast_image(&plane, &Cast::default()).unwrap();
-    let cast = Cast {
-        skip_empty: false,
-        ..Cast::default()
-    };
-    let whole = scene.cast_image(&plane, &cast).unwrap();
-    assert_eq!(skipping.distance, whole.distance);
-    assert_eq!(skipping.body, whole.body);
-    assert_eq!((whole.counts.tiles_skipped, whole.counts.rays), (0, 64 * 64));
-    let Counts {
-        rays, tiles_skipped, ..
-    } = skipping.counts;
-    assert!(tiles_skipped > 20, "{tiles_skipped}");
-    assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
-}
-
-#[test]
 fn directions_that_no_pair_of_antennas_sees_are_not_cast() {
     // Walls from a tenth of a metre on, antennas with spacings up to 10 cm and different directions.
     let plane = ImagePlane::centered(96, 128, 1.5, 1.0);

@@ -278,47 +278,6 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
     }
 }
 
-fn same(a: &Tiles, b: &Tiles) -> bool {
-    let key = |tiles: &Tiles| -> Vec<([u64; 5], [u32; 2])> {
-        let all = tiles.points();
-        let points = all.points.iter().zip(&all.weights).enumerate();
-        points
-            .map(|(number, (point, weight))| {
-                let [x, y, z] = point.position.to_array();
-                let numbers = [x, y, z, weight.re, weight.im].map(f64::to_bits);
-                (numbers, [point.triangle, all.kind(number) as u32])
-            })
-            .collect()
-    };
-    key(a) == key(b)
-}
-
-#[test]
-fn points_depend_neither_on_threads_nor_on_the_frame_before() {
-    let base = ImagePlane::centered(64, 64, 0.5, 0.5);
-    let surfaces = vec![sphere(0.1), plates(&[[0.0, 0.0, 0.3, 0.3]])];
-    let posed = |y: f64| PosedScene::new(surfaces.clone(), vec![at(1.0, y, 0.0), at(1.6, -0.3, 0.1)]);
-    let (before, now) = (posed(0.1), posed(0.12));
-    for has_contours in [false, true] {
-        let array = array();
-        let joining = |scene| Sector {
-            join: 1.5,
-            has_contours,
-            ..sector(scene, &array, base, refinement(1e-3))
-        };
-        let fresh = of_sectors(&[joining(&now)]);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert!(same(&fresh, &pool.install(|| of_sectors(&[joining(&now)]))));
-
-        let known = of_sectors(&[joining(&before)]);
-        let moved = now.moved(&before).unwrap();
-        let again = Tiles::new(&[joining(&now)], &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
-        assert!(same(&fresh, &again));
-        assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
-        assert!(!same(&fresh, &known));
-    }
-}
-
 #[test]
 fn parts_that_are_left_out_return_next_to_nothing() {
     let base = ImagePlane::centered(64, 64, 0.5, 0.5);
