@@ -431,8 +431,12 @@ class Simulator:
 
         None where the motion needs more times.
         """
-    def worlds(self, motions: Sequence[Placement]) -> list[IdealFrame] | None:
-        """Frames of worlds that differ in their motion alone; None where a motion needs more times."""
+    def worlds(self, own: Placement, moved: NDArray[np.float64], rows: list[int]) -> list[IdealFrame] | None:
+        """Frames of worlds that differ in their motion alone; None where a motion needs more times.
+
+        `moved`: poses (time, world, n, 3, 4) that take the place of the `own` ones, of the bodies `rows`: bodies, the
+        sensor and points are counted in this order.
+        """
     def paths(
         self, motion: Placement, at: Placement, rates_at: Placement
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128], NDArray[np.uint32], NDArray[np.uint8]]:

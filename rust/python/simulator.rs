@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
-    PyUntypedArrayMethods,
+    PyReadonlyArray5, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -288,13 +288,45 @@ impl Simulator {
         IdealFrame::new(py, &self.model, simulated)
     }
 
-    /// Simulate the frames of worlds that differ in their motion alone, side by side; None where a motion needs more times.
-    fn worlds(&self, py: Python<'_>, motions: Vec<PyRef<'_, Placement>>) -> PyResult<Option<Vec<IdealFrame>>> {
-        let motions: Vec<_> = motions.iter().map(|motion| &motion.0).collect();
+    /// Frames of worlds that differ in their motion alone. `moved`: poses (time, world, n, 3, 4) that take the place of
+    /// the `own` ones, of the bodies `rows`: bodies, the sensor and points are counted in this order.
+    fn worlds(
+        &self,
+        py: Python<'_>,
+        own: PyRef<'_, Placement>,
+        moved: PyReadonlyArray5<'_, f64>,
+        rows: Vec<usize>,
+    ) -> PyResult<Option<Vec<IdealFrame>>> {
+        let (own, number, placed) = (&own.0, moved.shape()[1], rows.len());
+        let times = own.sensor.len();
+        let [bodies, points] = [own.poses.len(), own.points.len()].map(|number| number / times);
+        if rows.iter().any(|row| *row > bodies + points) {
+            return Err(Error::value("rows", format!("at most {}", bodies + points), format!("{rows:?}")).into());
+        }
+        let moved = poses(numbers(
+            "moved",
+            &moved,
+            [Some(times), None, Some(placed), Some(3), Some(4)],
+        )?);
+        let world_of = |index: usize| {
+            let mut world = own.clone();
+            for time in 0..times {
+                let moved = &moved[(time * number + index) * placed..][..placed];
+                for (&row, &pose) in rows.iter().zip(moved) {
+                    match row.checked_sub(bodies) {
+                        None => world.poses[time * bodies + row] = pose,
+                        Some(0) => world.sensor[time] = pose,
+                        Some(point) => world.points[time * points + point - 1] = pose.translation,
+                    }
+                }
+            }
+            world
+        };
         let answers = self.run(py, &self.memories, |memories, cancel| {
-            memories.resize_with(motions.len(), Memory::default);
-            let worlds = memories.par_iter_mut().zip(motions);
-            let frames = worlds.map(|(memory, motion)| frame::simulate(&self.model, motion, None, memory, cancel));
+            memories.resize_with(number, Memory::default);
+            let worlds = memories.par_iter_mut().enumerate();
+            let frames =
+                worlds.map(|(world, memory)| frame::simulate(&self.model, &world_of(world), None, memory, cancel));
             frames.collect::<Result<Vec<_>>>()
         })?;
         let frames = answers

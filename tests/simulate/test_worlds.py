@@ -142,13 +142,14 @@ def test_fast_worlds_are_warned_of_once_by_name():
         many.worlds(poses_at(1.0, 2.0), velocities=[[[0.0, 0.0, 0.0]], [[30.0, 0.0, 0.0]]])
 
 
-def test_core_refuses_worlds_that_the_scene_does_not_have():
+def test_core_refuses_rows_that_are_not_there():
     engine = simulator(BALL)._engines[0]
-    poses, points = np.tile(np.eye(4)[:3], (3, 2, 1, 1)), np.zeros((3, 0, 3))
-    good, bad = core_placement(poses, points), core_placement(poses[:, :1], points)
-    assert engine.worlds([]) == []
-    with pytest.raises(ValueError, match="poses: expected 1 of them as the scene has, got 0"):
-        engine.worlds([good, bad])
+    poses = np.tile(np.eye(4)[:3], (3, 2, 1, 1))
+    own, moved = core_placement(poses, np.zeros((3, 0, 3))), np.ascontiguousarray(poses[:, None, :1])
+    with pytest.raises(ValueError, match=r"rows: expected at most 1, got \[2\]"):
+        engine.worlds(own, moved, [2])
+    with pytest.raises(ValueError, match=r"moved: expected shape \(3, n, 2, 3, 4\), got \(3, 1, 1, 3, 4\)"):
+        engine.worlds(own, moved, [0, 1])
 
 
 def test_tools_find_the_ball_by_radar_alone():

@@ -358,10 +358,11 @@ class Simulator(Settings):
         for engine, placement, radar in zip(self._engines, self._placements, self._sequences, strict=True):
             num_times, frames = NUM_TIMES, None
             while frames is None:
-                poses, points = placements.placed(*placement.own(num_times))
-                self._warnings.before_first_worlds(poses[:, 0], points[:, 0])
-                motions = [core_placement(*world) for world in zip(poses, points, strict=True)]
-                frames, num_times = engine.worlds(motions), 2 * num_times - 1
+                times, own, points = placement.own(num_times)
+                moved = placements.at(times)
+                self._warnings.before_first_worlds(own[0], points[0], moved[0], placements.rows)
+                frames = engine.worlds(core_placement(own, points), moved, placements.rows)
+                num_times = 2 * num_times - 1
             by_sequence.append(frames)
             arriving.append(at_receivers(np.concatenate([frame.cube for frame in frames]), radar))
         seeds = [(self.seed + world) % 2**64 for world in range(placements.number)]

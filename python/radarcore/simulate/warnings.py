@@ -129,16 +129,22 @@ class Warnings:
         self._reflectors_from_behind(placement, time)
         self._given.add("first frame")
 
-    def before_first_worlds(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
+    def before_first_worlds(
+        self, poses: NDArray[np.float64], points: NDArray[np.float64], moved: NDArray[np.float64], rows: list[int]
+    ) -> None:
         """Refuse antennas inside of a body or at its surface at the start of any of the first worlds; warn of meshes.
 
-        `poses` (world, body + 1, 3, 4) of bodies with meshes and of the sensor, `points` (world, point, 3).
+        Arguments as the core takes them, at one time.
         """
         if "first worlds" in self._given:
             return
         self.unknown_materials()
         self._empty_meshes()
-        for own, targets in zip(poses, points, strict=True):
+        for world in moved:
+            placed = np.zeros((len(poses) + len(points), 3, 4))
+            placed[: len(poses)], placed[len(poses) :, :, 3] = poses, points
+            placed[rows] = world
+            own, targets = placed[: len(poses)], placed[len(poses) :, :, 3]
             check_antennas(self._scene, own, self._radar, 0.0, points=targets, name="poses")
         self._given.add("first worlds")
 
@@ -280,8 +286,11 @@ class Warnings:
     def _too_far(self, ideal: _core.IdealFrame) -> None:
         """Warn of echoes from beyond the largest range, and of bodies there without an echo."""
         farthest, effect = ideal.farthest, "echoes from there appear at wrong ranges"
+        limit = self._radar.max_unambiguous_range
+        if 0.0 < farthest <= limit:
+            return
         ranges = [] if ideal.truth is None else ideal.truth[0][np.isfinite(ideal.truth[0])].tolist()
-        nearest, limit = min(ranges, default=0.0), self._radar.max_unambiguous_range
+        nearest = min(ranges, default=0.0)
         if farthest == 0.0 and ideal.counts.get("rays_hit", 0) > 0:
             # Rays met bodies, but no path returns: far bodies are smaller than the finest cells.
             farthest, effect = nearest, "bodies there are too small for an echo"

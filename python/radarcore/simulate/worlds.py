@@ -69,20 +69,12 @@ class Placements:
             )
         )
         self._moving = ConstantTwist(maps[:, :, :3], maps[:, :, 3], *rates)
-        # Bodies with meshes are counted first, then the sensor, then points.
+        # The core counts bodies with meshes, then the sensor, then points.
         sensor = len(parts.mesh_numbers)
         rows = {int(number): row for row, number in enumerate(parts.mesh_numbers)}
         rows |= {int(number): sensor + 1 + row for row, number in enumerate(parts.point_numbers)}
-        self._rows = [*(rows[scene.names.index(name)] for name in bodies), *[sensor] * (placed - len(bodies))]
+        self.rows: list[int] = [*(rows[scene.names.index(name)] for name in bodies), *[sensor] * (placed - len(bodies))]
 
-    def placed(self, times: Array, own: Array, points: Array) -> tuple[Array, Array]:
-        """Poses (world, time, body + 1, 3, 4) and positions of points (world, time, point, 3) at times [s].
-
-        `own` and `points`: where the scene and its sensor have them.
-        """
-        num_poses = own.shape[1]
-        every = np.zeros((self.number, len(times), num_poses + points.shape[1], 3, 4))
-        every[:, :, :num_poses], every[:, :, num_poses:, :, 3] = own, points
-        moved = self._moving.poses_at(times).reshape(len(times), self.number, -1, 3, 4)
-        every[:, :, self._rows] = moved.swapaxes(0, 1)
-        return every[:, :, :num_poses], np.ascontiguousarray(every[:, :, num_poses:, :, 3])
+    def at(self, times: Array) -> Array:
+        """Poses at times [s], (time, world, body, 3, 4); bodies are the `rows` of the core."""
+        return self._moving.poses_at(times).reshape(len(times), self.number, -1, 3, 4)
