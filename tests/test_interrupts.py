@@ -14,6 +14,7 @@ import radarcore as rc
 from interrupts import time_of, time_to_hear
 from path_scenes import sweep_waveform
 from radarcore import _core, notice
+from radarcore.simulate.beat import core_rows
 
 pytestmark = pytest.mark.usefixtures("hears_interrupts")
 
@@ -28,10 +29,7 @@ def beat(
     amplitude = np.ones(num_paths, complex)
     return partial(
         _core.beat_signal,
-        delay,
-        amplitude,
-        1e-2 * rate,
-        1e-2 * rate if is_bending else None,
+        **core_rows(delay, amplitude, 1e-2 * rate, 1e-2 * rate if is_bending else None),
         waveform=waveform._core,
         tolerance=tolerance,
         method=method,
@@ -126,7 +124,7 @@ def told(work: Callable[[Callable[[int], object]], object]) -> list[int]:
 
 
 def test_direct_sums_and_builds_tell_how_far_they_are() -> None:
-    direct: Callable[..., object] = beat("direct", 40_000, 64, 64, 1e-9)
+    direct: Callable[..., object] = beat("direct", 120_000, 64, 64, 1e-9)
     vertices, triangles = bumpy(500_000)
     rows = triangles.astype(np.uint32)
     for numbers, total in (

@@ -27,27 +27,27 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 mod _core {
     use pyo3::prelude::*;
 
-    #[pymodule_export]
-    use super::antennas::{PyAntennas, PyPattern};
-    #[pymodule_export]
-    use super::cross_section::cross_sections;
-    #[pymodule_export]
-    use super::geometry::load_obj;
-    #[pymodule_export]
-    use super::processing::{above_sidelobes, between_cells, fit_spheres, fit_tones};
-    #[pymodule_export]
-    use super::processing::{local_maxima, maxima_above, training_medians};
-    #[pymodule_export]
-    use super::rays::{PySurface, reflectance};
-    #[pymodule_export]
-    use super::receive::add_noise;
-    #[pymodule_export]
-    use super::scattering::PyMaterial;
-    #[pymodule_export]
-    use super::simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
-    #[pymodule_export]
-    use super::synthesis::{PyWaveform, beat_signal, levels};
     use crate::numeric::simd::Level;
+    #[pymodule_export]
+    use crate::python::antennas::{PyAntennas, PyPattern};
+    #[pymodule_export]
+    use crate::python::cross_section::cross_sections;
+    #[pymodule_export]
+    use crate::python::geometry::load_obj;
+    #[pymodule_export]
+    use crate::python::processing::{above_sidelobes, between_cells, fit_spheres, fit_tones};
+    #[pymodule_export]
+    use crate::python::processing::{local_maxima, maxima_above, training_medians};
+    #[pymodule_export]
+    use crate::python::rays::{PySurface, reflectance};
+    #[pymodule_export]
+    use crate::python::receive::add_noise;
+    #[pymodule_export]
+    use crate::python::scattering::PyMaterial;
+    #[pymodule_export]
+    use crate::python::simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
+    #[pymodule_export]
+    use crate::python::synthesis::{PyWaveform, beat_signal, levels};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
