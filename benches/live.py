@@ -123,7 +123,7 @@ def measure(settings: dict[str, Any], num_frames: int) -> dict[str, np.ndarray]:
     step(0)
     watch = Stopwatch(simulator._engines[0])
     vars(simulator)["_engines"] = [watch]
-    with mock.patch.object(_core, "receive", watch.receive):
+    with mock.patch.object(_core, "add_noise", watch.add_noise):
         for number in range(num_frames):
             watch.seconds, used = 0.0, time.process_time()
             update, everything = step(number + 1)
