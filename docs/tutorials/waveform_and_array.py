@@ -66,7 +66,7 @@ for apart, ax in zip((1.0, 3.0), axes, strict=True):
     spectrum = np.abs(rc.range_profile(frame, num_bins=1024)[0, 0])
     ax.plot(waveform.range_axis(1024), 20.0 * np.log10(spectrum / spectrum.max()))
     ax.vlines(places, -40.0, 0.0, color="black", linestyle="--", label="truth")
-    ax.set(xlim=(6.0, 11.0), ylim=(-40.0, 3.0), xlabel="Range [m]", title=f"Range bins apart: {apart:.0f}")
+    ax.set(xlim=(6.0, 11.0), ylim=(-40.0, 3.0), xlabel="Range [m]", title=f"Distance in range bins: {apart:.0f}")
 axes[0].set_ylabel("Level [dB]")
 _ = axes[0].legend()
 
